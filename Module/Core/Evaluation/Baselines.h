@@ -73,8 +73,8 @@ void PredictCubicInterpolation(const Sweep& sweep, const std::vector<int>& train
 void PredictCubicInterpolation(const Sweep& sweep, const std::vector<int>& training, const SlicePlane& plane,
                                float* image);
 
-/// At points, mm, bilinear on the frames and between them the same cubic, along lines on which what lies there goes evenly from
-/// where it is on one frame to where it is on the other: `moves` of each training frame but the last.
+/// At points, mm, bilinear on the frames and between them the same cubic, along lines on which what lies there goes evenly
+/// from where it is on one frame to where it is on the other: `moves` of each training frame but the last.
 std::vector<float> PoseInterpolationAt(const Sweep& sweep, const std::vector<int>& training,
                                        const std::vector<Eigen::Vector3d>& points,
                                        const std::vector<PixelMoves>& moves);

@@ -101,8 +101,8 @@ PixelMoves MovesOf(const SlicePlane& from, const cv::Mat& distances, const Slice
   return found;
 }
 
-/// Where a shape goes that is `here` now and was `before`, as far away on the other side: along its moves, and thinner by as much
-/// as it has become since; it does not grow. `moves` gets those from `here` to `before`.
+/// Where a shape goes that is `here` now and was `before`, as far away on the other side: along its moves, and thinner
+/// by as much as it has become since; it does not grow. `moves` gets those from `here` to `before`.
 cv::Mat GoneOn(const SlicePlane& plane, const cv::Mat& here, const SlicePlane& last, const cv::Mat& before,
                PixelMoves& moves)
 {
@@ -128,9 +128,9 @@ cv::Mat GoneOn(const SlicePlane& plane, const cv::Mat& here, const SlicePlane& l
   return cv::min(moved, 2 * moved - was);
 }
 
-/// A label's signed distances in its frames as a sweep to interpolate: 1/2 at a border, 0 and 1 kReach pixels away. Behind the
-/// last drawn frame of a sequence, and before the first, one has no label, and where the sweep ends there, too, what is as far
-/// away as the frame before goes on as it came.
+/// A label's signed distances in its frames as a sweep to interpolate: 1/2 at a border, 0 and 1 kReach pixels away.
+/// Behind the last drawn frame of a sequence, and before the first, one has no label. Where the sweep ends there, too,
+/// one lies between, as far away as the frame before, on which the label goes on as it came.
 class Shapes
 {
 public:
@@ -151,7 +151,8 @@ public:
     }
   }
 
-  /// Takes the shapes of one label. `soft` gets its soft pictures of the frames given, 0 to 255. False where no frame has it.
+  /// Takes the shapes of one label. `soft` gets its soft pictures of the frames given, 0 to 255. False where no frame
+  /// has it.
   bool Take(int value, std::uint8_t* soft)
   {
     const auto count = static_cast<int>(pictures_.size());
@@ -244,9 +245,9 @@ private:
     return plane.Point(0.5 * (plane.width - 1), 0.5 * (plane.height - 1));
   }
 
-  /// Behind the last frame (`side` 1) or before the first: one without a label, as far away as `next`, or as a label fades
-  /// where there is no such. Where the sweep ends before another could have been drawn, nothing says that the label does, so
-  /// twice as far, behind one on which it goes on.
+  /// Behind the last frame (`side` 1) or before the first: one without a label, as far away as `next`, or as a label
+  /// fades where there is no such. Where the sweep ends before another could have been drawn, nothing says that the
+  /// label does, so twice as far, behind one on which it goes on.
   void AddEnd(int frame, int next, int side)
   {
     const SlicePlane plane = sweep_.Plane(frame);

@@ -395,7 +395,7 @@ public:
   }
 
 private:
-  /// What is wider than the picture is no wider: pixels of a micrometre would ask for kernels of a million.
+  /// What is wider than the picture counts as wide as it: of tiny pixels a kernel would have any length.
   static cv::Mat Blurred(const cv::Mat& image, double sigma)
   {
     cv::Mat out;
