@@ -410,7 +410,7 @@ struct Directed
   {
     const auto engine = Engine::Create("cpu");
     const bigus::ViewTargets targets = {sweep, training, {}};
-    return *bigus::TrainViews(*engine, targets, plan, field, Views(), [] { return true; });
+    return *bigus::TrainViews(*engine, targets, plan, field, {Views(), {}}, [] { return true; });
   }
 };
 
@@ -502,7 +502,7 @@ TEST(ViewTraining, WhoSaysStopGetsNothing)
   int asked = 0;
   const auto stop = [&asked] { return ++asked < 3; };
   EXPECT_FALSE(bigus::TrainViews(*engine, {directed.sweep, directed.training, {}}, directed.plan, directed.field,
-                                 directed.Views(), stop));
+                                 {directed.Views(), {}}, stop));
   EXPECT_EQ(asked, 3);
 }
 

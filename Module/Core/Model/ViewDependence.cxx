@@ -138,37 +138,56 @@ double RecordedViews::Nearness(const SlicePlane& plane) const
   return std::clamp(1 - (Distance(plane) - kWhole) / kFade, 0.0, 1.0);
 }
 
-RecordedViews::Usual RecordedViews::UsualAt(const std::vector<Eigen::Vector3d>& places) const
+std::vector<Eigen::Vector3d> RecordedViews::Directions() const
 {
   std::vector<Eigen::Vector3d> directions;
   for (const Eigen::Matrix4d& pose : poses)
   {
     directions.push_back(Logarithm(mean.transpose() * pose.topLeftCorner<3, 3>()) / unit);
   }
+  return directions;
+}
+
+std::vector<double> RecordedViews::WeightsAt(const Eigen::Vector3d& place) const
+{
   const double falloff = 0.5 / std::pow(kUsualReach * elevationStep, 2);
+  std::vector<double> weights;
+  for (const Eigen::Matrix4d& pose : poses)
+  {
+    const double z = pose.col(2).head<3>().dot(place - pose.col(3).head<3>());
+    weights.push_back(falloff * z * z);
+  }
+  const double least = *std::min_element(weights.begin(), weights.end());  // so that weights never underflow
+  double sum = 0;
+  for (double& weight : weights)
+  {
+    weight = std::exp(least - weight);
+    sum += weight;
+  }
+  for (double& weight : weights)
+  {
+    weight /= sum;
+  }
+  return weights;
+}
+
+RecordedViews::Usual RecordedViews::UsualAt(const std::vector<Eigen::Vector3d>& places) const
+{
+  const std::vector<Eigen::Vector3d> directions = Directions();
   Usual usual;
   usual.directions.resize(places.size());
   std::vector<Eigen::Vector3d> variances(places.size());
   const auto look = [&](std::size_t i)
   {
-    std::vector<double> exponents;
-    for (const Eigen::Matrix4d& pose : poses)
-    {
-      const double z = pose.col(2).head<3>().dot(places[i] - pose.col(3).head<3>());
-      exponents.push_back(falloff * z * z);
-    }
-    const double least = *std::min_element(exponents.begin(), exponents.end());  // so that weights never underflow
-    double weights = 0;
+    const std::vector<double> weights = WeightsAt(places[i]);
     Eigen::Vector3d sum = Eigen::Vector3d::Zero(), squares = sum;
-    for (std::size_t k = 0; k < poses.size(); ++k)
+    for (std::size_t k = 0; k < weights.size(); ++k)
     {
-      const double weight = std::exp(least - exponents[k]);
-      weights += weight;
-      sum += weight * directions[k];
-      squares += weight * directions[k].cwiseAbs2();
+      sum += weights[k] * directions[k];
+      squares += weights[k] * directions[k].cwiseAbs2();
     }
-    usual.directions[i] = sum / weights;
-    variances[i] = (squares / weights - usual.directions[i].cwiseAbs2()).cwiseMax(0);
+    usual.directions[i] = sum;
+    variances[i] = (squares - sum.cwiseAbs2()).cwiseMax(0);
   };
   tbb::parallel_for(std::size_t(0), places.size(), look);
   for (const Eigen::Vector3d& variance : variances)

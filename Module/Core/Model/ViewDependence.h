@@ -47,6 +47,10 @@ struct RecordedViews
     Eigen::Vector3d spread = Eigen::Vector3d::Zero();
   };
   Usual UsualAt(const std::vector<Eigen::Vector3d>& places) const;
+  /// [K] of the recorded planes at a place, as for what is usual there; their sum is 1.
+  std::vector<double> WeightsAt(const Eigen::Vector3d& place) const;
+  /// [K] delta of the recorded planes.
+  std::vector<Eigen::Vector3d> Directions() const;
 
   /// Throws Error naming the number unless all are finite, positive and rotations.
   void Validate() const;

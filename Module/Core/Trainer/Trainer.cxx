@@ -18,6 +18,7 @@
 #include "Core/Numerics/OpenCv.h"
 #include "Core/Trainer/Budget.h"
 #include "Core/Trainer/Checkpointer.h"
+#include "Core/Training/CrossingSweeps.h"
 #include "Core/Training/GeometryDefaults.h"
 #include "Core/Training/Judging.h"
 #include "Core/Training/OptionList.h"
@@ -225,6 +226,8 @@ private:
   void Try();
   void Settle();
   void TrainToTheEnd();
+  void AskForDirections();
+  bool TrainSequencesApart();
   void LearnDirections();
   void SetBeam(GaussianField& field) const;
 
@@ -238,6 +241,14 @@ private:
   TrainingPlan plan_;
   std::unique_ptr<TrainingLoop> loop_;
   Fitted fitted_;
+  /// What is known of directions; none where nobody asks.
+  struct Directions
+  {
+    bool areWorth = false;
+    std::string evidence = "given";
+    double seconds = 0;
+  };
+  std::optional<Directions> directions_;
   TrainingResult result_;
 };
 
@@ -438,13 +449,12 @@ void Training::SetBeam(GaussianField& field) const
   }
 }
 
-/// Where recorded frames say that echoes depend on the direction, or the caller does, the field is trained on with that. A
-/// resumed training does all of it again.
-void Training::LearnDirections()
+/// Whether echoes depend on the direction: recorded frames say so, or the caller does. A resumed training asks again.
+void Training::AskForDirections()
 {
   const bool isAsked = asked_.viewDependence ? *asked_.viewDependence : asked_.automatic && !start_;
   result_.settled.viewDependence = false;
-  if (!isAsked || budget_.IsAborted() || fitted_.iterations == 0)
+  if (!isAsked || budget_.IsAborted() || plan_.iterations == 0)
   {
     return;
   }
@@ -456,49 +466,102 @@ void Training::LearnDirections()
     }
     return;
   }
-  const double begun = budget_.Seconds();
-  const auto goOn = [this] { return budget_.Tell({TrainingProgress::Phase::Training, 0, 0, {}}); };
-  const RecordedViews views = RecordedViews::Of(*sweep_, result_.trainingFrames);
-  std::string evidence = "given";
-  bool isWorth = asked_.viewDependence.has_value() && views.unit > 0;
-  if (!asked_.viewDependence)
+  directions_.emplace();
+  if (asked_.viewDependence)
   {
-    const std::optional<ViewEvidence> found = AskForViews(sweep_, result_.trainingFrames, plan_, goOn);
-    if (!found)
-    {
-      return;
-    }
-    isWorth = found->IsWorth();
-    evidence = "a short training with it gains " + FormatNumber(found->gain, 2) + " (" + FormatNumber(found->error, 2) +
-               ") on frames that it has not seen";
+    directions_->areWorth = RecordedViews::Of(*sweep_, result_.trainingFrames).unit > 0;
+    return;
   }
-  if (isWorth)
+  const Stopwatch watch;
+  const std::optional<ViewEvidence> found =
+      AskForViews(sweep_, result_.trainingFrames, plan_,
+                  [this] {
+                    return budget_.Tell({TrainingProgress::Phase::Training, 0, 0, {}});
+                  });
+  if (!found)
   {
-    const bool isThere = ViewEngine::Of(loop_->engine()) != nullptr;
-    const std::unique_ptr<Engine> other = isThere ? nullptr : Engine::Create("cpu");
-    const Targets& targets = loop_->targets();
-    const ViewTargets of = {WithCountedPixels(targets.Images(), plan_.ignoreMasked), targets.Frames(),
-                            targets.Limits()};
-    if (std::optional<ViewedField> viewed =
-            TrainViews(isThere ? loop_->engine() : *other, of, plan_, fitted_.field, views, goOn))
-    {
-      fitted_.field = std::move(viewed->field);
-      result_.view = std::move(viewed->view);
-    }
+    directions_.reset();
+    return;
   }
-  result_.settled.viewDependence = result_.view.has_value();
-  result_.decisions.push_back({"view dependence", result_.view ? "on" : "off", evidence, budget_.Seconds() - begun});
+  directions_->areWorth = found->IsWorth();
+  directions_->seconds = watch.Seconds();
+  directions_->evidence = "a short training with it gains " + FormatNumber(found->gain, 2) + " (" +
+                          FormatNumber(found->error, 2) + ") on frames that it has not seen";
+}
+
+/// Where sequences cross and directions count each is trained by itself, under a thin beam, because what the others show
+/// of its neighbourhood is another picture then. False where that is not so, or the caller said stop.
+bool Training::TrainSequencesApart()
+{
+  if (!directions_ || !directions_->areWorth || start_ || plan_.frameGains ||
+      !SequencesCross(*sweep_, result_.trainingFrames))
+  {
+    return false;
+  }
+  TrainingPlan plan = plan_;
+  plan.elevationSigma = asked_.elevationSigma.value_or(0);
+  const Stopwatch watch;
+  std::optional<TrainedApart> trained = TrainApart(sweep_, result_.trainingFrames, result_.validationFrames, plan,
+                                                   [this](const TrainingProgress& now) { return budget_.Tell(now); });
+  if (!trained)
+  {
+    return false;
+  }
+  plan_ = plan;
+  result_.settled.elevationSigma = plan.elevationSigma;
+  fitted_ = std::move(trained->fitted);
+  result_.view = std::move(trained->view);
+  result_.device = trained->device;
+  directions_->evidence += "; sequences cross, so each was trained by itself first, elevation sigma " +
+                           FormatNumber(plan.elevationSigma, 3) + " mm";
+  directions_->seconds += watch.Seconds();
+  return true;
+}
+
+/// Trains the finished field on with what depends on the direction, where that counts. A resumed training does it again.
+void Training::LearnDirections()
+{
+  if (!directions_ || !directions_->areWorth || budget_.IsAborted() || fitted_.iterations == 0)
+  {
+    return;
+  }
+  const Stopwatch watch;
+  const bool isThere = ViewEngine::Of(loop_->engine()) != nullptr;
+  const std::unique_ptr<Engine> other = isThere ? nullptr : Engine::Create("cpu");
+  const Targets& targets = loop_->targets();
+  const ViewTargets of = {WithCountedPixels(targets.Images(), plan_.ignoreMasked), targets.Frames(), targets.Limits()};
+  const ViewDependence first{RecordedViews::Of(*sweep_, result_.trainingFrames), {}};
+  if (std::optional<ViewedField> viewed =
+          TrainViews(isThere ? loop_->engine() : *other, of, plan_, fitted_.field, first,
+                     [this] {
+                       return budget_.Tell({TrainingProgress::Phase::Training, 0, 0, {}});
+                     }))
+  {
+    fitted_.field = std::move(viewed->field);
+    result_.view = std::move(viewed->view);
+  }
+  directions_->seconds += watch.Seconds();
 }
 
 TrainingResult Training::Finish()
 {
-  TrainToTheEnd();
-  LearnDirections();
+  AskForDirections();
+  if (!TrainSequencesApart())
+  {
+    TrainToTheEnd();
+    LearnDirections();
+    result_.device = loop_->engine().Device();
+  }
+  if (directions_)
+  {
+    result_.settled.viewDependence = result_.view.has_value();
+    result_.decisions.push_back(
+        {"view dependence", result_.view ? "on" : "off", directions_->evidence, directions_->seconds});
+  }
   result_.field = std::move(fitted_.field);
   SetBeam(result_.field);
   result_.log = std::move(fitted_.log);
   result_.iterations = fitted_.iterations;
-  result_.device = loop_->engine().Device();
   result_.processes = exchange_.Size();
   result_.aborted = budget_.IsAborted() && !fitted_.finished;  // a stop after the last step stopped nothing
   result_.finished = fitted_.finished;

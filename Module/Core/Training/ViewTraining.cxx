@@ -35,6 +35,8 @@ namespace
 /// Steps: a quarter of the ordinary training's, between these; and never more than those.
 constexpr int kFewestSteps = 500, kMostSteps = 1000;
 constexpr double kStepsShare = 0.25;
+/// Times as many where terms are there already, because what is shown without them has not been trained then.
+constexpr int kStepsWithTerms = 2;
 constexpr double kFirstRate = 0.5;  // of the ordinary training's first rates
 constexpr double kTermRate = 0.5;   // of r's, for a direction as far from the usual one as is usual
 constexpr double kLeastSpread = 0.05;
@@ -45,7 +47,7 @@ constexpr int kLooks = 10;        // how often what is usual at the Gaussians' p
 class TermSteps
 {
 public:
-  explicit TermSteps(std::size_t gaussians) : terms_(gaussians, Eigen::Vector3d::Zero()), states_(gaussians) {}
+  explicit TermSteps(std::vector<Eigen::Vector3d> first) : terms_(std::move(first)), states_(terms_.size()) {}
 
   const std::vector<Eigen::Vector3d>& Terms() const { return terms_; }
 
@@ -81,23 +83,23 @@ class ViewLoop
 {
 public:
   ViewLoop(Engine& engine, const ViewTargets& targets, const TrainingPlan& plan, const GaussianField& field,
-           const RecordedViews& views, int steps, double dropout)
+           const ViewDependence& first, int steps, double dropout)
       : engine_(engine),
         walker_(*ViewEngine::Of(engine)),
         targets_(targets),
         plan_(plan),
-        views_(views),
+        views_(first.views),
         steps_(steps),
         dropout_(dropout),
         batches_(targets.frames, plan.batch, plan.seed),
         random_(Mix(plan.seed)),
-        terms_(field.Size())
+        terms_(first.terms.empty() ? std::vector<Eigen::Vector3d>(field.Size(), Eigen::Vector3d::Zero()) : first.terms)
   {
     engine.SetFrames(targets.images);
     engine.SetField(field);
     engine.SetAccuracy({plan.tolerance, true});
     rates_ = Scaled(FirstRates(plan, field), kFirstRate);
-    usual_ = views.UsualAt(field.means);
+    usual_ = views_.UsualAt(field.means);
   }
 
   /// Null when `goOn` says stop.
@@ -286,10 +288,10 @@ std::optional<std::vector<double>> Gains(const std::shared_ptr<const Sweep>& swe
   }
   const Targets& targets = loop.targets();
   const ViewTargets of = {WithCountedPixels(targets.Images(), plan.ignoreMasked), targets.Frames(), targets.Limits()};
-  const RecordedViews views = RecordedViews::Of(*sweep, trained);
+  const ViewDependence first{RecordedViews::Of(*sweep, trained), {}};
   const std::unique_ptr<Engine> engine = Engine::Create("cpu");
   const auto trainOn = [&](double dropout)
-  { return ViewLoop(*engine, of, plan, begun.field, views, plan.iterations, dropout).Run(goOn); };
+  { return ViewLoop(*engine, of, plan, begun.field, first, plan.iterations, dropout).Run(goOn); };
   const std::optional<ViewedField> with = trainOn(kDropout);
   const std::optional<ViewedField> without = with ? trainOn(1) : std::nullopt;
   if (!without)
@@ -336,12 +338,12 @@ std::optional<ViewEvidence> AskForViews(const std::shared_ptr<const Sweep>& swee
 }
 
 std::optional<ViewedField> TrainViews(Engine& engine, const ViewTargets& targets, const TrainingPlan& plan,
-                                      const GaussianField& field, const RecordedViews& views,
+                                      const GaussianField& field, const ViewDependence& first,
                                       const std::function<bool()>& goOn)
 {
-  const int steps =
-      std::min(plan.iterations, std::clamp(static_cast<int>(kStepsShare * plan.iterations), kFewestSteps, kMostSteps));
-  return ViewLoop(engine, targets, plan, field, views, steps, kDropout).Run(goOn);
+  int steps = std::clamp(static_cast<int>(kStepsShare * plan.iterations), kFewestSteps, kMostSteps);
+  steps *= first.terms.empty() ? 1 : kStepsWithTerms;
+  return ViewLoop(engine, targets, plan, field, first, std::min(plan.iterations, steps), kDropout).Run(goOn);
 }
 
 }  // namespace bigus

@@ -50,10 +50,11 @@ struct ViewedField
   ViewDependence view;
 };
 
-/// Trains a finished field on, with q, which begins at 0 and is off on three planes of ten, so that what is shown without
-/// it stays as good. Null when `goOn`, asked at every step, says stop. `engine` must be a ViewEngine.
+/// Trains a finished field on, with q, which is off on three planes of ten, so that what is shown without it stays as good.
+/// It begins with `first`; without terms it begins at 0, and is trained for half as many steps. Null when `goOn`, asked at
+/// every step, says stop. `engine` must be a ViewEngine.
 std::optional<ViewedField> TrainViews(Engine& engine, const ViewTargets& targets, const TrainingPlan& plan,
-                                      const GaussianField& field, const RecordedViews& views,
+                                      const GaussianField& field, const ViewDependence& first,
                                       const std::function<bool()>& goOn);
 
 }  // namespace bigus
