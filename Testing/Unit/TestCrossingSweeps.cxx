@@ -58,6 +58,9 @@ TEST(CrossingSweeps, CrossEachOtherAndNotThemselves)
   EXPECT_TRUE(DoCross(*Crossing(-45)));
   EXPECT_FALSE(DoCross(*Crossing(15)));
   EXPECT_FALSE(DoCross(*SweepAt(0)));
+  std::vector<int> few = AllFrames(*Crossing(90));
+  few.resize(32 + 6);
+  EXPECT_FALSE(bigus::SequencesCross(*Crossing(90), few)) << "6 frames tell little by themselves";
   // Frames of one sequence are not taken apart.
   Sweep turning = *Crossing(90);
   turning.sequences.clear();
@@ -145,6 +148,26 @@ TEST(CrossingSweeps, HeldOutFramesGainByTrainingEachByItself)
   const bigus::TrainingResult again = bigus::Train(Crossing(90), with.result.settled);
   EXPECT_TRUE(bigus::test::SameField(with.result.field, again.field));
   EXPECT_EQ(with.result.view->terms, again.view->terms);
+}
+
+/// One that shows nothing teaches nothing, and the other is learned.
+TEST(CrossingSweeps, ABlackSweepLeavesTheOther)
+{
+  const std::shared_ptr<const Sweep> shown = SweepAt(0);
+  auto black = bigus::test::BlackSweep(32, 40, 40, 0.4, 0.5);
+  black->imageToReference = SweepAt(90)->imageToReference;
+  black->timestamps = shown->timestamps;
+  bigus::TrainerOptions options = Options(true);
+  options.keep = bigus::KeptKinds::Parse("all");
+  const bigus::TrainingResult trained = bigus::Train(bigus::Join({shown, black}), options);
+  const auto engine = bigus::Engine::Create("cpu");
+  bigus::SeenField seen(*engine, trained.field, &*trained.view);
+  const Sweep both = *bigus::Join({shown, black});
+  for (const int frame : {16, 48})
+  {
+    seen.LookFrom(both.Plane(frame));
+    EXPECT_GT(bigus::MeanPsnr(*engine, both, {frame}), 18) << frame;
+  }
 }
 
 /// What a caller gets who stops amid them is what was there before, or the seeds after a step.

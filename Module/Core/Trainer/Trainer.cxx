@@ -22,6 +22,7 @@
 #include "Core/Training/GeometryDefaults.h"
 #include "Core/Training/Judging.h"
 #include "Core/Training/OptionList.h"
+#include "Core/Training/Seeding.h"
 #include "Core/Training/TrainingLoop.h"
 #include "Core/Training/ViewTraining.h"
 
@@ -49,21 +50,13 @@ void RequireSomethingToLearn(const Sweep& sweep, const std::vector<int>& frames)
   Require(frames.size() >= 2,
           "Trainer: there is one frame to train on; a field needs at least two, at different places. (A field that "
           "exists already can be continued with one.)");
-  std::vector<float> image(sweep.PixelsPerFrame());
-  sweep.CopyFrame(frames[0], image.data());
-  const float level = image[0];
-  for (int frame : frames)
+  if (const std::optional<float> level = LevelOf(sweep, frames))
   {
-    sweep.CopyFrame(frame, image.data());
-    if (std::any_of(image.begin(), image.end(), [level](float value) { return value != level; }))
-    {
-      return;
-    }
+    throw Error("Trainer: " +
+                (*level == 0 ? std::string("all frames are black")
+                             : "every pixel of all frames is " + std::to_string(*level) + " (of 1)") +
+                ", so there is nothing to learn. Check the file, the clip region and the pixel type.");
   }
-  throw Error("Trainer: " +
-              (level == 0 ? std::string("all frames are black")
-                          : "every pixel of all frames is " + std::to_string(level) + " (of 1)") +
-              ", so there is nothing to learn. Check the file, the clip region and the pixel type.");
 }
 
 /// Takes the tracker's noise out of the poses of all frames, by pixels of `frames` alone, and reports it. Every sequence

@@ -14,6 +14,7 @@
 #include "Core/Engine/Exchange.h"
 #include "Core/Model/SweepGeometry.h"
 #include "Core/Training/Report.h"
+#include "Core/Training/Seeding.h"
 #include "Core/Training/Stopwatch.h"
 #include "Core/Training/Targets.h"
 #include "Core/Training/ViewTraining.h"
@@ -23,6 +24,8 @@ namespace bigus
 namespace
 {
 
+/// Frames of a sequence below which it is not trained by itself.
+constexpr std::size_t kFewestFrames = 12;
 /// Directions, in units of their size, that differ by less are one.
 constexpr double kSameDirection = 0.01;
 
@@ -72,6 +75,11 @@ std::optional<Joined> TrainEach(const std::shared_ptr<const Sweep>& sweep, const
   for (std::size_t s = 0; s < sequences.size(); ++s)
   {
     const std::vector<int>& some = sequences[s];
+    if (LevelOf(*sweep, some))
+    {
+      joined.sequenceOfFrame.resize(joined.sequenceOfFrame.size() + some.size(), static_cast<int>(s));
+      continue;  // it teaches nothing
+    }
     std::vector<int> validation;
     std::copy_if(validationFrames.begin(), validationFrames.end(), std::back_inserter(validation),
                  [&](int frame) { return sweep->SequenceOf(frame) == sweep->SequenceOf(some[0]); });
@@ -90,7 +98,7 @@ std::optional<Joined> TrainEach(const std::shared_ptr<const Sweep>& sweep, const
     {
       return std::nullopt;
     }
-    if (s == 0)
+    if (joined.fitted.field.Size() == 0)
     {
       joined.fitted.field.beam = fitted.field.beam;
       joined.fitted.field.transfer = fitted.field.transfer;
@@ -111,8 +119,9 @@ bool SequencesCross(const Sweep& sweep, const std::vector<int>& frames)
 {
   const std::vector<std::vector<int>> sequences = BySequence(sweep, frames);
   return sequences.size() > 1 && FramesCross(sweep, frames) &&
-         std::none_of(sequences.begin(), sequences.end(),
-                      [&sweep](const std::vector<int>& some) { return FramesCross(sweep, some); });
+         std::all_of(sequences.begin(), sequences.end(),
+                     [&sweep](const std::vector<int>& some)
+                     { return some.size() >= kFewestFrames && !FramesCross(sweep, some); });
 }
 
 ViewDependence Apart(GaussianField& field, const std::vector<int>& sequenceOfGaussian, const RecordedViews& views,

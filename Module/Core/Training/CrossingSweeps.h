@@ -17,7 +17,7 @@
 namespace bigus
 {
 
-/// True for sequences that cross each other, none of which crosses itself.
+/// True for sequences of at least 12 frames that cross each other, none of which crosses itself.
 bool SequencesCross(const Sweep& sweep, const std::vector<int>& frames);
 
 /// Of a field whose Gaussians each come from one of the sequences, q and r such that a Gaussian counts where its sequence

@@ -366,6 +366,25 @@ struct Seeder
 
 }  // namespace
 
+std::optional<float> LevelOf(const Sweep& sweep, const std::vector<int>& frames)
+{
+  std::vector<float> image(sweep.PixelsPerFrame());
+  std::optional<float> level;
+  for (const int frame : frames)
+  {
+    sweep.CopyFrame(frame, image.data());
+    for (std::size_t p = 0; p < image.size(); ++p)
+    {
+      if (sweep.IsLit(p) && image[p] != level.value_or(image[p]))
+      {
+        return std::nullopt;
+      }
+      level = sweep.IsLit(p) ? image[p] : level;
+    }
+  }
+  return level.value_or(0);
+}
+
 GaussianField Seed(const Sweep& sweep, const std::vector<int>& frames, const Beam& beam, const SeedingOptions& options)
 {
   Require(options.count >= 1 && options.count <= (std::size_t(1) << 26), "Seeding: ", options.count,
