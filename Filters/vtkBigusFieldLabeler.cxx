@@ -33,20 +33,9 @@ vtkBigusFieldLabeler::~vtkBigusFieldLabeler()
 void vtkBigusFieldLabeler::PrintSelf(ostream& os, vtkIndent indent)
 {
   this->Superclass::PrintSelf(os, indent);
-  os << indent << "Iterations: " << this->Iterations << "\n";
   os << indent << "KeepEmptyPictures: " << (this->KeepEmptyPictures ? "On\n" : "Off\n");
   os << indent << "NumberOfFittedPictures: " << this->NumberOfFittedPictures << "\n";
   os << indent << "Engine: " << (this->Engine ? this->Engine : "(none)") << "\n";
-}
-
-void vtkBigusFieldLabeler::SetSweepData(vtkImageData* sweep)
-{
-  this->SetInputDataObject(1, sweep);
-}
-
-void vtkBigusFieldLabeler::SetLabelData(vtkImageData* labels)
-{
-  this->SetInputDataObject(2, labels);
 }
 
 int vtkBigusFieldLabeler::FillInputPortInformation(int port, vtkInformation* info)
@@ -79,9 +68,9 @@ int vtkBigusFieldLabeler::RequestData(vtkInformation*, vtkInformationVector** in
       given = given.Subset(given.Drawn());
     }
     this->NumberOfFittedPictures = static_cast<int>(given.frames.size());
-    const bigus::FieldLabels labels = bigus::FitLabels(
-        bigus::FieldFromPolyData(input), *imported.sweep, given,
-        {this->Iterations, this->Engine, [this](double share) { return bigus::ReportProgress(this, share); }});
+    const bigus::FieldLabels labels =
+        bigus::FitLabels(bigus::FieldFromPolyData(input), *imported.sweep, given,
+                         {this->Engine, [this](double share) { return bigus::ReportProgress(this, share); }});
     if (labels.labels.empty())
     {
       return;  // aborted

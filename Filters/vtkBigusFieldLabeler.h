@@ -5,11 +5,9 @@
  * @brief   Labels drawn on tracked frames, carried by a Gaussian field to any plane
  *
  * Input 0 is a field, input 1 the sweep at the poses that the field was trained at, as vtkBigusTrainer takes it, and input 2
- * label pictures: an image of whole numbers from 0 (no label) to 255, one slice for each frame. Fewer slices are possible
- * where the field data of both images have `SourceFrame`, which says which frames they are of. Without it, an image whose
- * extent begins elsewhere than at 0, or is smaller than the frames, is a part of such a stack, of the frames that its third
- * axis counts in the sweep's file, and nothing is labelled outside. Where most pictures between
- * the first and the last that has a label have none, these are taken for frames that nobody drew on (KeepEmptyPictures).
+ * label pictures: an image of whole numbers from 0 (no label) to 255, one slice for each frame, or for those that the field
+ * data `SourceFrame` of both images say. Where most pictures between the first and the last that has a label have none,
+ * these are taken for frames that nobody drew on (KeepEmptyPictures).
  * `LabelNames`, `LabelValues` and `LabelColors` in the field data of input 2 name labels (Data/LabelData.h); others are
  * called "Label 3".
  *
@@ -25,14 +23,6 @@
 #include "vtkBigusFiltersModule.h"  // for the export macro
 #include "vtkPolyDataAlgorithm.h"
 
-#ifdef VTK_ABI_NAMESPACE_BEGIN  // from VTK 9.2 on
-VTK_ABI_NAMESPACE_BEGIN
-#endif
-class vtkImageData;
-#ifdef VTK_ABI_NAMESPACE_END
-VTK_ABI_NAMESPACE_END
-#endif
-
 class VTKBIGUSFILTERS_EXPORT vtkBigusFieldLabeler : public vtkPolyDataAlgorithm
 {
 public:
@@ -41,19 +31,9 @@ public:
   void PrintSelf(ostream& os, vtkIndent indent) override;
 
   ///@{
-  /** Inputs 1 and 2. */
+  /** Inputs 1 and 2; SetInputDataObject(1, sweep) takes what has no pipeline. */
   void SetSweepConnection(vtkAlgorithmOutput* sweep) { this->SetInputConnection(1, sweep); }
-  void SetSweepData(vtkImageData* sweep);
   void SetLabelConnection(vtkAlgorithmOutput* labels) { this->SetInputConnection(2, labels); }
-  void SetLabelData(vtkImageData* labels);
-  ///@}
-
-  ///@{
-  /**
-   * Passes over the label pictures, 0 to 1000, default 4. 0 takes what lies between the labelled frames and fits nothing.
-   */
-  vtkSetClampMacro(Iterations, int, 0, 1000);
-  vtkGetMacro(Iterations, int);
   ///@}
 
   ///@{
@@ -80,7 +60,6 @@ protected:
   int RequestUpdateExtent(vtkInformation*, vtkInformationVector**, vtkInformationVector*) override;
   int RequestData(vtkInformation*, vtkInformationVector**, vtkInformationVector*) override;
 
-  int Iterations = 4;
   vtkTypeBool KeepEmptyPictures = 0;
   int NumberOfFittedPictures = 0;
   char* Engine = nullptr;

@@ -6,7 +6,6 @@
 #include <memory>
 
 #include "Command.h"
-#include "Core/Labels/LabelVolumes.h"
 #include "Core/Labels/Labels.h"
 #include "Core/StandardError/StandardError.h"
 #include "Data/Arrays.h"
@@ -14,10 +13,10 @@
 #include "Data/LabelData.h"
 #include "Data/SweepData.h"
 #include "Files.h"
+#include "IO/SequenceFile.h"
 #include "Inputs.h"
 #include "Pipeline.h"
 #include "vtkBigusLabelReader.h"
-#include "vtkDataArray.h"
 #include "vtkFieldData.h"
 #include "vtkImageData.h"
 #include "vtkIntArray.h"
@@ -35,134 +34,92 @@ struct LabelOptions
   SequenceOptions sequence;
   std::string labels, field, output, frames, engine = "auto";
   std::vector<std::string> names;
-  int holdOut = 0, iterations = 4;
+  int holdOut = 0;
   bool keepEmpty = false;
 };
 
 /// "1=vessel" names the label of value 1.
-std::vector<Label> Named(std::vector<Label> labels, const std::vector<std::string>& names)
+void Rename(const std::string& text, std::vector<Label>& labels)
 {
-  for (const std::string& text : names)
+  const std::size_t sign = text.find('=');
+  Label named;
+  Require(sign != std::string::npos && CLI::detail::lexical_cast(text.substr(0, sign), named.value), "--names: '", text,
+          "' is not VALUE=NAME, such as 1=vessel.");
+  const auto known =
+      std::find_if(labels.begin(), labels.end(), [&named](const Label& label) { return label.value >= named.value; });
+  named.name = text.substr(sign + 1);
+  named.color = UsualColor(named.value);
+  if (known == labels.end() || known->value != named.value)
   {
-    const std::size_t sign = text.find('=');
-    Label named;
-    Require(sign != std::string::npos && CLI::detail::lexical_cast(text.substr(0, sign), named.value), "--names: '",
-            text, "' is not VALUE=NAME, such as 1=vessel.");
-    const auto known =
-        std::find_if(labels.begin(), labels.end(), [&named](const Label& label) { return label.value == named.value; });
-    named.name = text.substr(sign + 1);
-    named.color = known == labels.end() ? UsualColor(named.value) : known->color;
-    (known == labels.end() ? *labels.insert(labels.end(), named) : *known) = named;
+    labels.insert(known, named);
+    return;
   }
-  std::sort(labels.begin(), labels.end(), [](const Label& a, const Label& b) { return a.value < b.value; });
-  ValidateLabels(labels);
-  return labels;
+  known->name = named.name;
 }
 
-/// Says which frames of the file the pictures are of, unless their extent does.
-void Number(vtkImageData* pictures, bool isNumbered, const LabelOptions& options, int framesInFile)
+/// Label pictures of frames that count. Says what is left out.
+LabelFrames ReadLabels(const LabelOptions& options, vtkImageData* frames, const ImportedSweep& imported,
+                       Console& console)
 {
-  const int count = pictures->GetDimensions()[2];
+  vtkNew<vtkBigusLabelReader> reader;
+  reader->SetFileName(options.labels.c_str());
+  Update(reader, console, "Reading labels");
+  vtkImageData* const pictures = reader->GetOutput();
   if (!options.frames.empty())
   {
-    const std::vector<int> given = ParseFrames(options.frames, framesInFile);
+    const std::vector<int> given = ParseFrames(options.frames, static_cast<int>(mostFrames));
+    const int count = pictures->GetDimensions()[2];
     Require(static_cast<int>(given.size()) == count, "--frames: names ", given.size(), " frames, and ", options.labels,
             " has ", count, " pictures; name one frame for each.");
     const auto numbers = NewArray<vtkIntArray>("SourceFrame", 1, count);
     std::copy(given.begin(), given.end(), numbers->GetPointer(0));
     pictures->GetFieldData()->AddArray(numbers);
   }
-  else if (!isNumbered && count != framesInFile)
-  {
-    throw Error(options.labels + ": has " + std::to_string(count) + " pictures for " + std::to_string(framesInFile) +
-                " frames; --frames says which frames they are of.");
-  }
-}
+  std::vector<Label> names = LabelNamesOf(pictures);
+  std::for_each(options.names.begin(), options.names.end(), [&names](const auto& text) { Rename(text, names); });
+  ReplaceLabelNames(pictures, names);
 
-/// The label pictures, with names and numbers of frames.
-vtkSmartPointer<vtkImageData> ReadLabels(const LabelOptions& options, vtkImageData* frames, Console& console)
-{
-  vtkDataArray* const source = frames->GetFieldData()->GetArray("SourceFrame");
-  const int framesInFile =
-      std::max(frames->GetDimensions()[2], source ? static_cast<int>(source->GetRange()[1]) + 1 : 0);
-  vtkNew<vtkBigusLabelReader> reader;
-  reader->SetFileName(options.labels.c_str());
-  reader->SetMaximumPictures(framesInFile);
-  Update(reader, console, "Reading labels");
-  const vtkSmartPointer<vtkImageData> pictures = reader->GetOutput();
-  const int *size = pictures->GetDimensions(), *extent = pictures->GetExtent();
-  const bool isPart = IsPartOfPictures(pictures, frames);
-  Require(!isPart || options.frames.empty(), "--frames: ", options.labels,
-          " is cropped, which says where its pictures lie in those of all frames; "
-          "save it without 'Crop to minimum extent'.");
-  if (isPart)
-  {
-    console.Note("bigus: " + options.labels + " is cropped: taken for frames " + std::to_string(extent[4]) + " to " +
-                 std::to_string(extent[5]) + ", and others show none.");
-  }
-  else if (size[0] == frames->GetDimensions()[0] && size[1] == frames->GetDimensions()[1])  // others are refused later
-  {
-    Number(pictures, reader->GetNumbered(), options, framesInFile);
-  }
-  ReplaceLabelNames(pictures, Named(LabelNamesOf(pictures), options.names));
-  return pictures;
-}
-
-/// Of the pictures those that count; says what is left out.
-LabelFrames DrawnFrames(vtkImageData* pictures, vtkImageData* frames, const ImportedSweep& imported, bool keepEmpty,
-                        Console& console)
-{
-  LabelFrames given = LabelFramesFromImage(pictures, frames, imported.frames);
+  const LabelFrames given = LabelFramesFromImage(pictures, frames, imported.frames);
   const std::vector<int> drawn = given.Drawn();
-  if (!keepEmpty && drawn.size() < given.frames.size())
+  if (options.keepEmpty || drawn.size() == given.frames.size())
   {
-    console.Note("bigus: " + std::to_string(given.frames.size() - drawn.size()) + " of " +
-                 std::to_string(given.frames.size()) +
-                 " pictures hold no label, most of those between others: taken for frames that nobody drew on "
-                 "(--keep-empty: they show none).");
-    given = given.Subset(drawn);
+    return given;
   }
-  given.Validate(*imported.sweep);
-  return given;
+  console.Note("bigus: " + std::to_string(given.frames.size() - drawn.size()) + " of " +
+               std::to_string(given.frames.size()) +
+               " pictures hold no label, most of those between others: taken for frames that nobody drew on "
+               "(--keep-empty: they show none).");
+  return given.Subset(drawn);
 }
 
-/// Of the labels in the pictures, what three ways reach on pictures that had no part.
-Json ToldOfScores(const std::vector<LabelScore>& scores, Console& console)
+/// Rows of the answer, each also in words.
+template <class Rows, class Told>
+Json ToldOf(const Rows& rows, const Told& told, Console& console)
 {
-  Json rows = Json::array();
-  for (const LabelScore& score : scores)
+  Json answer = Json::array();
+  for (const auto& row : rows)
   {
-    rows.push_back({{"value", score.label.value},
-                    {"name", score.label.name},
-                    {"field", score.field},
-                    {"nearest", score.nearest},
-                    {"compounding", score.compounding},
-                    {"length_error", score.length},
-                    {"area_error", score.area}});
-    console.Print(std::string("  {name}, Dice on frames held out: field {field:3}, nearest labelled frame {nearest:3}, "
-                              "compounded volume {compounding:3}") +
-                      (std::isfinite(score.length)
-                           ? "; lengths are off by {length_error:2} mm, areas by {area_error:2} mm x outline"
-                           : ""),
-                  rows.back());
+    answer.push_back({{"value", row.label.value}, {"name", row.label.name}});
+    const auto [values, words] = told(row);
+    answer.back().update(values);
+    console.Print("  {name} ({value}): " + std::string(words), answer.back());
   }
-  return rows;
+  return answer;
 }
 
-Json ToldOfVolumes(const std::vector<LabelVolume>& volumes, Console& console)
+std::pair<Json, std::string> ToldOfVolume(const LabelVolume& found)
 {
-  Json rows = Json::array();
-  for (const LabelVolume& found : volumes)
-  {
-    rows.push_back({{"value", found.label.value},
-                    {"name", found.label.name},
-                    {"volume", found.volume},
-                    {"standard_error", found.standardError}});
-    const bool isKnown = std::isfinite(found.standardError);
-    console.Print(std::string("  {name} ({value}): {volume:0} mm^3") + (isKnown ? " +- {standard_error:0}" : ""),
-                  rows.back());
-  }
-  return rows;
+  return {{{"volume", found.volume}, {"standard_error", found.standardError}},
+          std::string("{volume:0} mm^3") + (std::isfinite(found.standardError) ? " +- {standard_error:0}" : "")};
+}
+
+std::pair<Json, std::string> ToldOfScore(const LabelScore& score)
+{
+  return {{{"field", score.dice}, {"length_error", score.length}, {"area_error", score.area}},
+          std::string("Dice on frames held out {field:3}") +
+              (std::isfinite(score.length)
+                   ? "; lengths are off by {length_error:2} mm, areas by {area_error:2} mm x outline"
+                   : "")};
 }
 
 ExitCode LabelField(Console& console, const LabelOptions& options)
@@ -176,8 +133,9 @@ ExitCode LabelField(Console& console, const LabelOptions& options)
   NoteTrackedPlanes(field, options.sequence.path, options.sequence.chain, console);
 
   const ImportedSweep imported = SweepFromImage(frames);
-  const LabelFrames given =
-      DrawnFrames(ReadLabels(options, frames, console), frames, imported, options.keepEmpty, console);
+  const Sweep& sweep = *imported.sweep;
+  const LabelFrames given = ReadLabels(options, frames, imported, console);
+  given.Validate(sweep);
   const auto [fitted, others] = SplitHoldOut(static_cast<int>(given.frames.size()), options.holdOut);
   const LabelFrames training = given.Subset(fitted), heldOut = given.Subset(others);
   const GaussianField plain = FieldFromPolyData(field);
@@ -188,7 +146,7 @@ ExitCode LabelField(Console& console, const LabelOptions& options)
     console.Progress("Labelling", share);
     return !IsInterrupted();
   };
-  const FieldLabels found = FitLabels(plain, *imported.sweep, training, {options.iterations, options.engine, progress});
+  const FieldLabels found = FitLabels(plain, sweep, training, {options.engine, progress});
   if (found.labels.empty())
   {
     throw Interrupted();
@@ -197,23 +155,15 @@ ExitCode LabelField(Console& console, const LabelOptions& options)
                  {"held_out_frames", others.size()}, {"dice", {}},   {"seconds", SecondsSince(start)}};
   LabelsToPolyData(found, field);
   WriteFieldData(field, options.output, false, console);
-
-  const double noise = TrackerNoise(*imported.sweep, 0);
-  const auto volumes = MeasureLabels(plain, found, *imported.sweep, training, noise, options.engine);
-  std::vector<LabelScore> scores;
+  console.Print("{output}: labels of {fitted_frames} frames in {seconds:1} s", answer);
+  answer["labels"] = ToldOf(MeasureLabels(plain, found, sweep, training, TrackerNoise(sweep, 0), options.engine),
+                            ToldOfVolume, console);
   if (!others.empty())
   {
-    heldOut.Validate(*imported.sweep);
     std::vector<SlicePlane> planes;
     std::transform(heldOut.frames.begin(), heldOut.frames.end(), std::back_inserter(planes),
-                   [&](int frame) { return imported.sweep->Plane(frame); });
-    scores = ScoreLabels(plain, found, *imported.sweep, training, planes, heldOut.pixels, options.engine);
-  }
-  console.Print("{output}: labels of {fitted_frames} frames in {seconds:1} s", answer);
-  answer["labels"] = ToldOfVolumes(volumes, console);
-  if (!others.empty())
-  {
-    answer["dice"] = ToldOfScores(scores, console);
+                   [&sweep](int frame) { return sweep.Plane(frame); });
+    answer["dice"] = ToldOf(ScoreLabels(plain, found, planes, heldOut.pixels, options.engine), ToldOfScore, console);
   }
   console.Report(answer);
   return Success;
@@ -262,10 +212,6 @@ void AddLabel(Program& program)
                   "Keep every K-th picture from the fit and tell how well it is met (Dice); 0: none")
       ->check(WholeNumberIn(0, 1000000))
       ->type_name("K")
-      ->capture_default_str();
-  app->add_option("--iterations", options->iterations, "Passes of the fit; 0: what lies between labelled frames")
-      ->check(WholeNumberIn(0, 1000))
-      ->type_name("N")
       ->capture_default_str();
   app->add_option("--engine", options->engine, "What computes: auto, or a name from 'bigus info --devices'")
       ->type_name("NAME")

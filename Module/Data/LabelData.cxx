@@ -29,6 +29,7 @@ constexpr const char* kPointWeight = "LabelPointWeight";
 constexpr const char* kNames = "LabelNames";
 constexpr const char* kValues = "LabelValues";
 constexpr const char* kColors = "LabelColors";
+constexpr const char* kNumbers = "SourceFrame";
 const std::string kOwner = "Labels";
 
 void AddWeights(vtkDataArray* array, std::vector<float>& weights)
@@ -39,49 +40,43 @@ void AddWeights(vtkDataArray* array, std::vector<float>& weights)
   }
 }
 
-/// The number in the file of each frame, [frames]; those that are not told are counted from `first`.
-std::vector<int> SourceFrames(vtkImageData* stack, int first = 0)
+/// The number in the file of each frame of a stack; counted from 0 where they are not told.
+std::vector<int> SourceFrames(vtkImageData* stack)
 {
-  const int count = stack->GetDimensions()[2];
-  std::vector<int> numbers(static_cast<std::size_t>(count));
-  std::iota(numbers.begin(), numbers.end(), first);
-  if (vtkDataArray* const source = FindArray(stack->GetFieldData(), kOwner, "SourceFrame", 1, count, false))
+  std::vector<int> numbers(static_cast<std::size_t>(stack->GetDimensions()[2]));
+  std::iota(numbers.begin(), numbers.end(), 0);
+  const auto count = static_cast<vtkIdType>(numbers.size());
+  if (vtkDataArray* const source = FindArray(stack->GetFieldData(), kOwner, kNumbers, 1, count, false))
   {
-    for (int k = 0; k < count; ++k)
-    {
-      numbers[k] = static_cast<int>(source->GetTuple1(k));
-    }
+    std::transform(numbers.begin(), numbers.end(), numbers.begin(),
+                   [source](int k) { return static_cast<int>(source->GetTuple1(k)); });
   }
   return numbers;
+}
+
+/// The number in the sweep's file of the frame that each picture is of. `theirs`: those of the sweep's frames.
+std::vector<int> NumbersOfPictures(vtkImageData* pictures, const std::vector<int>& theirs)
+{
+  std::vector<int> own = SourceFrames(pictures);
+  const bool areAll = own.size() == theirs.size(), areNumbered = pictures->GetFieldData()->GetArray(kNumbers);
+  const auto inFile = 1 + static_cast<std::int64_t>(*std::max_element(theirs.begin(), theirs.end()));
+  Require(areNumbered || areAll || static_cast<std::int64_t>(own.size()) == inFile, "Labels: there are ", own.size(),
+          " pictures for ", inFile, " frames; say which frames they are of (--frames, SourceFrame).");
+  const bool isOther = !areNumbered || std::find(own.begin(), own.end(), theirs.front()) == own.end();
+  return areAll && isOther ? theirs : own;  // others are counted from 1
 }
 
 void RequirePictures(vtkImageData* pictures, vtkImageData* sweep)
 {
   vtkDataArray* const scalars = pictures ? pictures->GetPointData()->GetScalars() : nullptr;
-  Require(scalars && sweep,
+  Require(scalars && sweep && sweep->GetDimensions()[2] > 0,
           "Labels: there is no picture; connect the sweep and an image with one slice of labels a frame.");
   Require(scalars->GetNumberOfComponents() == 1, "Labels: the pictures have ", scalars->GetNumberOfComponents(),
           " components; they hold one whole number from 0 to 255 a pixel.");
   const int *size = pictures->GetDimensions(), *frames = sweep->GetDimensions();
-  if (!IsPartOfPictures(pictures, sweep) && (size[0] != frames[0] || size[1] != frames[1]))
-  {
-    throw Error("Labels: the pictures have " + std::to_string(size[0]) + " x " + std::to_string(size[1]) +
-                " pixels and the sweep's frames " + std::to_string(frames[0]) + " x " + std::to_string(frames[1]) +
-                "; label pictures have the size of the frames, or say where they were cropped from "
-                "(Segmentation_ReferenceImageExtentOffset).");
-  }
-}
-
-/// Throws Error where a part of the pictures reaches beyond the frames of the sweep's file, as far as these numbers tell.
-void RequireWithin(const int part[6], const int frames[6], int lastNumber)
-{
-  const auto range = [](int first, int last) { return std::to_string(first) + " to " + std::to_string(last); };
-  Require(part[0] >= frames[0] && part[1] <= frames[1] && part[2] >= frames[2] && part[3] <= frames[3] &&
-              part[4] >= 0 && part[5] <= lastNumber,
-          "Labels: the pictures were cropped to columns ", range(part[0], part[1]), ", rows ", range(part[2], part[3]),
-          " and frames ", range(part[4], part[5]), ", and the sweep has columns ", range(frames[0], frames[1]),
-          ", rows ", range(frames[2], frames[3]), " and frames up to ", lastNumber,
-          "; give labels that were drawn on this sweep.");
+  Require(size[0] == frames[0] && size[1] == frames[1], "Labels: the pictures have ", size[0], " x ", size[1],
+          " pixels and the sweep's frames ", frames[0], " x ", frames[1],
+          "; label pictures have the size of the frames.");
 }
 
 }  // namespace
@@ -140,7 +135,7 @@ std::optional<FieldLabels> LabelsFromPolyData(vtkPolyData* polyData)
   {
     return std::nullopt;
   }
-  FieldLabels labels{LabelNamesOf(polyData), {}, {}, {}};
+  FieldLabels labels{LabelNamesOf(polyData), {}, {}};
   const auto count = static_cast<int>(labels.labels.size());
   const vtkIdType n = polyData->GetNumberOfPoints();
   vtkFieldData* const data = polyData->GetFieldData();
@@ -148,14 +143,12 @@ std::optional<FieldLabels> LabelsFromPolyData(vtkPolyData* polyData)
   AddWeights(FindArray(polyData->GetPointData(), kOwner, kWeight, count, n, true), labels.weights);
   if (m > 0)
   {
-    vtkDataArray* const points = FindArray(data, kOwner, kPoints, 4, m, true);
     AddWeights(FindArray(data, kOwner, kPointWeight, count, m, true), labels.weights);
+    vtkDataArray* const points = FindArray(data, kOwner, kPoints, 4, m, true);
+    labels.points.resize(static_cast<std::size_t>(m));
     for (vtkIdType i = 0; i < m; ++i)
     {
-      double point[4];
-      points->GetTuple(i, point);
-      labels.points.emplace_back(point[0], point[1], point[2]);
-      labels.scales.push_back(static_cast<float>(point[3]));
+      points->GetTuple(i, labels.points[i].data());
     }
   }
   labels.Validate(static_cast<std::size_t>(n));
@@ -175,8 +168,7 @@ void LabelsToPolyData(const FieldLabels& labels, vtkPolyData* polyData)
   std::copy(middle, labels.weights.end(), pointWeights->GetPointer(0));
   for (vtkIdType i = 0; i < m; ++i)
   {
-    const double point[4] = {labels.points[i].x(), labels.points[i].y(), labels.points[i].z(), labels.scales[i]};
-    points->SetTypedTuple(i, point);
+    points->SetTypedTuple(i, labels.points[i].data());
   }
   polyData->GetPointData()->AddArray(weights);
   polyData->GetFieldData()->AddArray(pointWeights);
@@ -184,56 +176,27 @@ void LabelsToPolyData(const FieldLabels& labels, vtkPolyData* polyData)
   ReplaceLabelNames(polyData, labels.labels);
 }
 
-bool IsPartOfPictures(vtkImageData* pictures, vtkImageData* sweep)
-{
-  const int *size = pictures->GetDimensions(), *frames = sweep->GetDimensions();
-  const int *own = pictures->GetExtent(), *theirs = sweep->GetExtent();
-  const bool isAtCorner = (own[0] == 0 && own[2] == 0 && own[4] == 0) ||
-                          (own[0] == theirs[0] && own[2] == theirs[2] && own[4] == theirs[4]);
-  return !pictures->GetFieldData()->GetArray("SourceFrame") &&
-         !(isAtCorner && size[0] == frames[0] && size[1] == frames[1]);
-}
-
 LabelFrames LabelFramesFromImage(vtkImageData* pictures, vtkImageData* sweep, const std::vector<int>& frames)
 {
   RequirePictures(pictures, sweep);
-  const bool isPart = IsPartOfPictures(pictures, sweep);
-  const std::vector<int> theirs = SourceFrames(sweep);
-  const int *extent = pictures->GetExtent(), *whole = sweep->GetExtent();
-  std::vector<int> own = SourceFrames(pictures, isPart ? extent[4] : 0);
-  if (isPart)
-  {
-    RequireWithin(extent, whole, *std::max_element(theirs.begin(), theirs.end()));
-  }
-  else if (own.size() == theirs.size() && std::find(own.begin(), own.end(), theirs.front()) == own.end())
-  {
-    own = theirs;  // counted from 1
-  }
-  const int *size = pictures->GetDimensions(), width = sweep->GetDimensions()[0], height = sweep->GetDimensions()[1];
-  const std::size_t n = static_cast<std::size_t>(width) * height;
-  const std::size_t corner = isPart ? static_cast<std::size_t>(extent[2] - whole[2]) * width + extent[0] - whole[0] : 0;
+  const std::vector<int> theirs = SourceFrames(sweep), own = NumbersOfPictures(pictures, theirs);
+  const vtkIdType n = static_cast<vtkIdType>(sweep->GetDimensions()[0]) * sweep->GetDimensions()[1];
   vtkDataArray* const scalars = pictures->GetPointData()->GetScalars();
   LabelFrames given;
   for (std::size_t f = 0; f < frames.size(); ++f)
   {
     const auto at = std::find(own.begin(), own.end(), theirs[frames[f]]);
-    if (at == own.end() && !isPart)
+    if (at == own.end())
     {
       continue;
     }
     given.frames.push_back(static_cast<int>(f));
-    given.pixels.resize(given.pixels.size() + n, 0);
-    std::uint8_t* const picture = &given.pixels[given.pixels.size() - n + corner];
-    const vtkIdType first = static_cast<vtkIdType>(at - own.begin()) * size[0] * size[1];
-    for (vtkIdType p = 0; at != own.end() && p < static_cast<vtkIdType>(size[0]) * size[1]; ++p)
+    for (vtkIdType p = (at - own.begin()) * n, end = p + n; p < end; ++p)
     {
-      const double value = scalars->GetTuple1(first + p);
-      if (!(value >= 0 && value <= kLargestLabel && value == std::floor(value)))
-      {
-        throw Error("Labels: the picture of frame " + std::to_string(theirs[frames[f]]) + " has the pixel " +
-                    std::to_string(value) + "; labels are whole numbers from 0 (none) to 255.");
-      }
-      picture[p / size[0] * width + p % size[0]] = static_cast<std::uint8_t>(value);
+      const double value = scalars->GetTuple1(p);
+      Require(value >= 0 && value <= kLargestLabel && value == std::floor(value), "Labels: the picture of frame ", *at,
+              " has the pixel ", value, "; labels are whole numbers from 0 (none) to 255.");
+      given.pixels.push_back(static_cast<std::uint8_t>(value));
     }
   }
   given.labels = WithNames(LabelNamesOf(pictures), given.pixels);

@@ -35,16 +35,11 @@ VTKBIGUSDATA_EXPORT std::optional<FieldLabels> LabelsFromPolyData(vtkPolyData* p
 /// Adds them to a field, in place of those that it has.
 VTKBIGUSDATA_EXPORT void LabelsToPolyData(const FieldLabels& labels, vtkPolyData* polyData);
 
-/// Whether label pictures are a part of larger ones by their extent, as cropped segmentations are: they have no `SourceFrame`
-/// and do not begin where the sweep does, or at 0, or have another width or height.
-VTKBIGUSDATA_EXPORT bool IsPartOfPictures(vtkImageData* pictures, vtkImageData* sweep);
-
 /// Label pictures for the frames of a sweep, an image [depth][height][width] of whole numbers from 0 to 255. Slice k is of
-/// the sweep's frame whose `SourceFrame` is that of the slice, counted from 0 where an image does not have that array. As many
-/// slices as frames, of which none has the number of the first frame, are taken in order. Slices of frames that the sweep does
-/// not have are passed over. A part of the pictures lies by its extent in those of all frames, which have no label elsewhere.
-/// Values without a name get one. `frames`: those of the image `sweep` that count (ImportedSweep), as the result counts them.
-/// Throws Error naming what does not fit.
+/// the sweep's frame that has the same `SourceFrame`. Where pictures have no such array, there is one for each frame of the
+/// sweep, or for each of its file, counted from 0. As many as frames, of which none has the number of the first frame, are taken in
+/// order. Pictures of frames that the sweep does not have are passed over. Values without a name get one. `frames`: those of
+/// the image `sweep` that count (ImportedSweep), as the result counts them. Throws Error naming what does not fit.
 VTKBIGUSDATA_EXPORT LabelFrames LabelFramesFromImage(vtkImageData* pictures, vtkImageData* sweep,
                                                      const std::vector<int>& frames);
 

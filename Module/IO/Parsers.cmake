@@ -19,7 +19,6 @@ set(bigus_parsers
   Formats/VolumeGrid.cxx
   Formats/Vtp.cxx
   Formats/Xml.cxx
-  LabelFile.cxx
   PlaneFile.cxx
   Poses.cxx
   SequenceFile.cxx

@@ -3,25 +3,208 @@
 #include "vtkBigusLabelReader.h"
 
 #include <algorithm>
+#include <array>
+#include <cstring>
+#include <filesystem>
+#include <numeric>
+#include <regex>
 
 #include "Data/Arrays.h"
 #include "Data/LabelData.h"
-#include "IO/LabelFile.h"
+#include "IO/FileError.h"
+#include "IO/Formats/PngFile.h"
+#include "IO/SequenceFrames.h"
+#include "IO/Text.h"
 #include "vtkErrorCode.h"
 #include "vtkImageData.h"
 #include "vtkInformation.h"
 #include "vtkInformationVector.h"
 #include "vtkIntArray.h"
 #include "vtkObjectFactory.h"
-#include "vtkStreamingDemandDrivenPipeline.h"
 
 vtkStandardNewMacro(vtkBigusLabelReader);
 
-vtkBigusLabelReader::vtkBigusLabelReader()
+namespace bigus
 {
-  this->SetNumberOfInputPorts(0);
-  this->SetNumberOfOutputPorts(1);
+namespace
+{
+
+/// A folder's PNG images as one sequence.
+SequenceFile FolderOfPictures(const std::string& path)
+{
+  const std::vector<std::string> images = PngFilesOf(path);
+  Require(FileFault::NotFound, !images.empty(), path,
+          ": has no PNG image; give a folder with one for each labelled frame");
+  SequenceFile file = ReadSequenceFile(images[0], {true, true, false, {}, {}});
+  for (const std::string& image : images)
+  {
+    RequirePng(image, {file.width, file.height, file.elementType, file.channels});
+  }
+  file.fileName = path;
+  file.images = images;
+  file.numberOfFrames = static_cast<int>(images.size());
+  return file;
 }
+
+std::string Field(const SequenceFile& file, const std::string& name)
+{
+  const auto found = file.fields.find(name);
+  return found == file.fields.end() ? std::string() : found->second;
+}
+
+/// What Slicer calls a segment.
+struct Segment
+{
+  Label label;
+  std::int64_t value = 0, layer = 0;  // in the file
+};
+
+/// Segment0_LabelValue, _Name, _Color and _Layer. Values of several layers may be the same, so segments are counted there.
+std::vector<Segment> SegmentsOf(const SequenceFile& file)
+{
+  std::vector<Segment> segments;
+  for (int k = 0; k < kLargestLabel; ++k)
+  {
+    const std::string name = "Segment" + std::to_string(k) + "_";
+    Segment segment;
+    if (!ParseNumber(Field(file, name + "LabelValue"), segment.value))
+    {
+      continue;
+    }
+    ParseNumber(Field(file, name + "Layer"), segment.layer);
+    Label& label = segment.label;
+    label.name = Printable(Field(file, name + "Name"));
+    label.name = label.name.empty() ? "Label " + std::to_string(segment.value) : label.name;
+    RequireFormat(segment.layer >= 0 && segment.layer < file.layers, file.fileName, ": the segment ",
+                  Quoted(label.name), " is in layer ", segment.layer, ", and there are ", file.layers);
+    RequireFormat(segment.value > 0 && segment.value <= kLargestLabel, file.fileName, ": the segment ",
+                  Quoted(label.name), " has the value ", segment.value, "; labels from 1 to 255 are read");
+    label.value = static_cast<int>(file.layers > 1 ? segments.size() + 1 : segment.value);
+    if (!ParseNumbers(Field(file, name + "Color"), 3, label.color.data()))
+    {
+      label.color = UsualColor(label.value);
+    }
+    segments.push_back(segment);
+  }
+  return segments;
+}
+
+std::vector<Label> LabelsOf(const SequenceFile& file, const std::vector<Segment>& segments)
+{
+  std::vector<Label> labels;
+  std::transform(segments.begin(), segments.end(), std::back_inserter(labels),
+                 [](const Segment& segment) { return segment.label; });
+  std::sort(labels.begin(), labels.end(), [](const Label& a, const Label& b) { return a.value < b.value; });
+  try
+  {
+    ValidateLabels(labels);
+  }
+  catch (const Error& error)
+  {
+    throw FormatError(file.fileName + ": " + error.what());
+  }
+  return labels;
+}
+
+/// One picture after another of what the file holds. What lies in two layers is the later segment's, as Slicer draws it
+/// over the other.
+void Flatten(const SequenceFile& file, const std::vector<Segment>& segments, const std::vector<unsigned char>& bytes,
+             unsigned char* pixels)
+{
+  const auto layers = static_cast<std::size_t>(file.layers);
+  std::vector<std::array<std::uint8_t, kLargestLabel + 1>> valueOf(layers, {0});
+  for (const Segment& segment : segments)
+  {
+    valueOf[segment.layer].at(segment.value) = static_cast<std::uint8_t>(segment.label.value);
+  }
+  if (layers == 1)  // which may have values without a name
+  {
+    std::iota(valueOf[0].begin(), valueOf[0].end(), std::uint8_t(0));
+  }
+  const std::size_t size = BytesPerElement(file.elementType);
+  for (std::size_t at = 0; at < bytes.size() / size; ++at)
+  {
+    std::uint16_t value = bytes[at];
+    if (size == sizeof(value))
+    {
+      std::memcpy(&value, &bytes[at * size], size);
+    }
+    RequireFormat(value <= kLargestLabel, file.fileName, ": has the label ", value, "; labels from 1 to 255 are read");
+    const std::uint8_t label = valueOf[at % layers][value];
+    RequireFormat(label > 0 || value == 0, file.fileName, ": layer ", at % layers, " has the label ", value,
+                  ", which no segment names");
+    pixels[at / layers] = at % layers == 0 ? label : std::max(pixels[at / layers], label);
+  }
+}
+
+/// The pixels of all pictures as the file holds them, which are whole numbers.
+std::vector<unsigned char> ReadElements(const SequenceFile& file)
+{
+  RequireFormat(file.elementType != ElementType::Float32, file.fileName,
+                ": pixels are of type float; labels are whole numbers from 0 (none) to 255");
+  RequireFormat(file.layers == 1 || !file.flipColumns, file.fileName,
+                ": has layers of pictures that are not in marked-far order; save them as volumes");
+  for (const std::string_view first : Words(Field(file, "Segmentation_ReferenceImageExtentOffset")))
+  {
+    RequireFormat(first == "0", file.fileName, ": is cropped (Segmentation_ReferenceImageExtentOffset ", Quoted(first),
+                  "); save it without 'Crop to minimum extent'");
+  }
+  const auto count = static_cast<std::size_t>(file.numberOfFrames);
+  std::vector<unsigned char> bytes(count * file.FrameBytes());
+  PoseTable poses;
+  poses.frames.resize(count);
+  std::vector<int> all(count);
+  std::iota(all.begin(), all.end(), 0);
+  const double range = file.elementType == ElementType::UInt16 ? 65535 : 0;  // pixels stay as they are
+  ReadPixels read;
+  ReadFrames(
+      file, poses, all, {}, range, [](double) { return true; }, bytes.data(), read);
+  return bytes;
+}
+
+/// The last number in the name of each image; empty where a name has none.
+std::vector<int> NumbersIn(const std::vector<std::string>& images)
+{
+  const std::regex last("([0-9]+)[^0-9]*$");
+  std::vector<int> numbers;
+  for (const std::string& image : images)
+  {
+    const std::string name = std::filesystem::path(image).stem().string();
+    std::smatch found;
+    std::int64_t number = 0;
+    if (!std::regex_search(name, found, last) || !ParseNumber(found.str(1), number) || number > mostFrames)
+    {
+      return {};
+    }
+    numbers.push_back(static_cast<int>(number));
+  }
+  return numbers;
+}
+
+void ReadLabels(const std::string& path, vtkImageData* output)
+{
+  const bool isFolder = std::filesystem::is_directory(path);
+  const SequenceFile file = isFolder ? FolderOfPictures(path) : ReadSequenceFile(path, {true, true, true, {}, {}});
+  const std::vector<unsigned char> bytes = ReadElements(file);
+  const std::vector<Segment> segments = SegmentsOf(file);
+  const std::vector<Label> labels = LabelsOf(file, segments);
+  output->SetDimensions(file.width / file.layers, file.height, file.numberOfFrames);
+  output->AllocateScalars(VTK_UNSIGNED_CHAR, 1);
+  Flatten(file, segments, bytes, static_cast<unsigned char*>(output->GetScalarPointer()));
+  if (const std::vector<int> numbers = NumbersIn(file.images); isFolder && !numbers.empty())
+  {
+    const auto source = NewArray<vtkIntArray>("SourceFrame", 1, file.numberOfFrames);
+    std::copy(numbers.begin(), numbers.end(), source->GetPointer(0));
+    output->GetFieldData()->AddArray(source);
+  }
+  if (!labels.empty())
+  {
+    ReplaceLabelNames(output, labels);
+  }
+}
+
+}  // namespace
+}  // namespace bigus
 
 vtkImageData* vtkBigusLabelReader::GetOutput()
 {
@@ -41,25 +224,7 @@ int vtkBigusLabelReader::RequestData(vtkInformation*, vtkInformationVector**, vt
   this->SetErrorCode(vtkErrorCode::NoError);
   try
   {
-    const bigus::LabelPictures pictures =
-        bigus::ReadLabelPictures(this->RequireFileName(), static_cast<std::size_t>(this->MaximumPictures));
-    const auto count = static_cast<int>(pictures.numbers.size());
-    const std::array<int, 3> first = pictures.place.value_or(std::array<int, 3>{});
-    output->SetExtent(first[0], first[0] + pictures.width - 1, first[1], first[1] + pictures.height - 1, first[2],
-                      first[2] + count - 1);
-    output->AllocateScalars(VTK_UNSIGNED_CHAR, 1);
-    std::copy(pictures.pixels.begin(), pictures.pixels.end(), static_cast<unsigned char*>(output->GetScalarPointer()));
-    if (!pictures.place)
-    {
-      const auto source = bigus::NewArray<vtkIntArray>("SourceFrame", 1, count);
-      std::copy(pictures.numbers.begin(), pictures.numbers.end(), source->GetPointer(0));
-      output->GetFieldData()->AddArray(source);
-    }
-    if (!pictures.labels.empty())
-    {
-      bigus::ReplaceLabelNames(output, pictures.labels);
-    }
-    this->Numbered = pictures.isNumbered;
+    bigus::ReadLabels(this->RequireFileName(), output);
     return 1;
   }
   catch (const std::exception& error)
@@ -67,11 +232,4 @@ int vtkBigusLabelReader::RequestData(vtkInformation*, vtkInformationVector**, vt
     output->Initialize();
     return this->Fail(error);
   }
-}
-
-void vtkBigusLabelReader::PrintSelf(ostream& os, vtkIndent indent)
-{
-  this->Superclass::PrintSelf(os, indent);
-  os << indent << "MaximumPictures: " << this->MaximumPictures << "\n";
-  os << indent << "Numbered: " << this->Numbered << "\n";
 }

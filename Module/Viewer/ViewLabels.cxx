@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "ViewLabels.h"
 
+#include <algorithm>
 #include <cmath>
 
 #include "Data/FieldData.h"
@@ -14,20 +15,6 @@
 
 namespace bigus::command
 {
-
-namespace
-{
-
-/// What lies at the rim of its label: one pixel wide, inside.
-bool IsRim(const std::vector<std::uint8_t>& map, int width, int height, int i, int j)
-{
-  const auto differs = [&](int column, int row)
-  { return map[static_cast<std::size_t>(row) * width + column] != map[static_cast<std::size_t>(j) * width + i]; };
-  return (i > 0 && differs(i - 1, j)) || (i + 1 < width && differs(i + 1, j)) || (j > 0 && differs(i, j - 1)) ||
-         (j + 1 < height && differs(i, j + 1));
-}
-
-}  // namespace
 
 ViewLabels::ViewLabels(vtkPolyData* field)
 {
@@ -51,14 +38,6 @@ ViewLabels::ViewLabels(vtkPolyData* field)
   }
 }
 
-std::vector<std::uint8_t> ViewLabels::Map(vtkBigusSliceProp* slice) const
-{
-  const SlicePlane plane = PlaneOf(slice);
-  std::vector<std::uint8_t> map(plane.NumberOfPixels());
-  field_->Render(plane, map.data());
-  return map;
-}
-
 void ViewLabels::AddTo(vtkRenderer* renderer, ViewOverlay& overlay) const
 {
   if (field_)
@@ -73,39 +52,36 @@ void ViewLabels::Outline(vtkBigusSliceProp* slice, const Eigen::Matrix4d& place,
   {
     return;
   }
-  const std::vector<std::uint8_t> map = Map(slice);
-  const int width = slice->GetSliceSize()[0], height = slice->GetSliceSize()[1];
+  const SlicePlane plane = PlaneOf(slice);
+  std::vector<std::uint8_t> map(plane.NumberOfPixels());
+  field_->Render(plane, map.data());
   vtkNew<vtkImageData> image;
-  image->SetDimensions(width, height, 1);
+  image->SetDimensions(plane.width, plane.height, 1);
   image->AllocateScalars(VTK_UNSIGNED_CHAR, 1);
-  auto* out = static_cast<std::uint8_t*>(image->GetScalarPointer());
-  for (int j = 0; j < height; ++j)
+  auto* const rim = static_cast<std::uint8_t*>(image->GetScalarPointer());
+  const std::size_t width = static_cast<std::size_t>(plane.width);
+  for (std::size_t p = 0; p < map.size(); ++p)  // one pixel wide, inside
   {
-    for (int i = 0; i < width; ++i)
-    {
-      *out++ = IsRim(map, width, height, i, j) ? map[static_cast<std::size_t>(j) * width + i] : 0;
-    }
+    const auto differs = [&map, p](bool isThere, std::size_t q) { return isThere && map[q] != map[p]; };
+    const bool isRim = differs(p % width > 0, p - 1) || differs((p + 1) % width > 0, p + 1) ||
+                       differs(p >= width, p - width) || differs(p + width < map.size(), p + width);
+    rim[p] = isRim ? map[p] : 0;
   }
   overlay.Show(image, place);
 }
 
 std::string ViewLabels::At(vtkBigusSliceProp* slice, double i, double j) const
 {
-  const int *size = slice->GetSliceSize(), column = static_cast<int>(std::lround(i)),
-            row = static_cast<int>(std::lround(j));
-  if (!field_ || column < 0 || row < 0 || column >= size[0] || row >= size[1])
+  const SlicePlane plane = PlaneOf(slice);
+  const int column = static_cast<int>(std::lround(i)), row = static_cast<int>(std::lround(j));
+  std::uint8_t value = 0;
+  if (field_ && column >= 0 && row >= 0 && column < plane.width && row < plane.height)
   {
-    return {};
+    field_->Render(plane, {column, row, 1, 1}, &value);
   }
-  const int value = Map(slice)[static_cast<std::size_t>(row) * size[0] + column];
-  for (const Label& label : labels_)
-  {
-    if (label.value == value)
-    {
-      return label.name;
-    }
-  }
-  return {};
+  const auto found =
+      std::find_if(labels_.begin(), labels_.end(), [value](const Label& label) { return label.value == value; });
+  return found == labels_.end() ? std::string() : found->name;
 }
 
 }  // namespace bigus::command

@@ -30,8 +30,6 @@ public:
   std::string At(vtkBigusSliceProp* slice, double i, double j) const;
 
 private:
-  std::vector<std::uint8_t> Map(vtkBigusSliceProp* slice) const;
-
   std::unique_ptr<LabelledField> field_;  // null without labels
   std::vector<Label> labels_;
   vtkSmartPointer<vtkLookupTable> colors_;

@@ -26,6 +26,7 @@ Array RowsOf(nb::handle self, std::vector<Eigen::Matrix<double, Rows, 1>> Gaussi
 template <int Rows>
 void Copy(const InputDoubles& from, std::vector<Eigen::Matrix<double, Rows, 1>>& to)
 {
+  to.resize(from.shape(0));
   for (std::size_t i = 0; i < to.size(); ++i)
   {
     to[i] = Eigen::Map<const Eigen::Matrix<double, Rows, 1>>(from.data() + Rows * i);
@@ -51,7 +52,6 @@ Field Make(const InputDoubles& centers, const InputDoubles& scales, const InputD
   field.transfer.gamma = gamma;
   field.beam.elevationSigma = elevationSigma;
   field.beam.probeElevationSigma = probeElevationSigma;
-  field.beam.trainedNormals.resize(normals.shape(0));
   Copy(normals, field.beam.trainedNormals);
   field.Validate();
   return field;
@@ -120,20 +120,15 @@ nb::object LabelsOf(const Field& field)
   std::vector<std::string> names;
   std::vector<double> values;
   std::vector<std::array<double, 3>> colors;
-  std::vector<Eigen::Vector4d> points;
   for (const Label& label : all.labels)
   {
     names.push_back(label.name);
     values.push_back(label.value);
     colors.push_back(label.color);
   }
-  for (std::size_t i = 0; i < all.points.size(); ++i)
-  {
-    points.push_back(Eigen::Vector4d(all.points[i].x(), all.points[i].y(), all.points[i].z(), all.scales[i]));
-  }
   const std::size_t count = names.size();
   return nb::make_tuple(ToTexts(names), Owned(std::move(values), {count}), Stacked(colors, 3),
-                        Owned(all.weights, {field.Size() + points.size(), count}), Stacked(points, 4));
+                        Owned(all.weights, {field.Size() + all.points.size(), count}), Stacked(all.points, 4));
 }
 
 void SetLabels(Field& field, const std::optional<LabelArrays>& given)
@@ -155,12 +150,7 @@ void SetLabels(Field& field, const std::optional<LabelArrays>& given)
       labels->labels.push_back({isInt ? static_cast<int>(value) : -1, names[k], {c[0], c[1], c[2]}});
     }
     labels->weights.assign(weights.data(), weights.data() + weights.size());
-    for (std::size_t i = 0; i < points.shape(0); ++i)
-    {
-      const double* const p = points.data() + 4 * i;
-      labels->points.emplace_back(p[0], p[1], p[2]);
-      labels->scales.push_back(static_cast<float>(p[3]));
-    }
+    Copy(points, labels->points);
     labels->Validate(field.Size());
   }
   field.labels = std::move(labels);

@@ -279,7 +279,7 @@ Array PlaceOfIndices(const InputDoubles& axes, const std::optional<InputDoubles>
 
 /// The field with labels, of pictures [n, height, width] of these frames.
 Field Labelled(Field field, const Sweep& sweep, const InputBytes& pictures, std::vector<int> frames,
-               const std::map<int, std::string>& names, int iterations, bool keepEmpty, const std::string& engine)
+               const std::map<int, std::string>& names, bool keepEmpty, const std::string& engine)
 {
   RequireShape(pictures, {static_cast<std::int64_t>(frames.size()), sweep.height, sweep.width}, "label pictures");
   const nb::gil_scoped_release others;
@@ -289,7 +289,7 @@ Field Labelled(Field field, const Sweep& sweep, const InputBytes& pictures, std:
     given.labels.push_back({value, name, UsualColor(value)});
   }
   given.labels = WithNames(std::move(given.labels), given.pixels);
-  field.labels = FitLabels(field, sweep, keepEmpty ? given : given.Subset(given.Drawn()), {iterations, engine});
+  field.labels = FitLabels(field, sweep, keepEmpty ? given : given.Subset(given.Drawn()), {engine});
   return field;
 }
 
@@ -414,7 +414,7 @@ void BindSlices(nb::module_& m)
         nb::arg("origin"));
   m.def("grid_distances", &DistancesOfGrid, nb::arg("sweep"), nb::arg("index_to_world"), nb::arg("extent"));
   m.def("label", &Labelled, nb::arg("field"), nb::arg("sweep"), nb::arg("pictures"), nb::arg("frames"),
-        nb::arg("names"), nb::arg("iterations"), nb::arg("keep_empty"), nb::arg("engine"));
+        nb::arg("names"), nb::arg("keep_empty"), nb::arg("engine"));
   nb::class_<LabelSlicer>(m, "LabelRenderer")
       .def(nb::init<const Field&, const std::string&, double>(), nb::arg("field"), nb::arg("engine"),
            nb::arg("elevation_sigma") = -1.0)

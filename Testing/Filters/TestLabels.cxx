@@ -72,8 +72,8 @@ vtkSmartPointer<vtkBigusFieldLabeler> Labeler(vtkImageData* labels)
 {
   const auto labeler = vtkSmartPointer<vtkBigusFieldLabeler>::New();
   labeler->SetInputDataObject(0, ToPolyData(RandomField(300, 5)));
-  labeler->SetSweepData(DarkSweep());
-  labeler->SetLabelData(labels);
+  labeler->SetInputDataObject(1, DarkSweep());
+  labeler->SetInputDataObject(2, labels);
   return labeler;
 }
 

@@ -139,10 +139,9 @@ void Nrrds()
   seed("colour", sequence.NrrdBytes("3 4 3 1", "vector domain domain list", "raw", sequence.pixels));
   seed("volume", test::SmallVolume().NrrdBytes("4 3 3", "domain domain domain", "raw", sequence.pixels));
   seed("segments",
-       "NRRD0004\ntype: uchar\ndimension: 4\nsizes: 2 2 2 2\nkinds: list domain domain domain\nencoding: raw\n"
-       "Segment0_LabelValue:=1\nSegment0_Layer:=1\nSegment0_Name:=vein\nSegment0_Color:=1 0 0\n"
-       "Segmentation_ReferenceImageExtentOffset:=1 1 0\n\n" +
-           std::string("\0\1\0\0\0\1\0\0\0\1\0\1\0\0\0\1", 16));
+       "NRRD0004\ntype: uchar\ndimension: 4\nsizes: 2 4 3 3\nkinds: list domain domain domain\nencoding: raw\n"
+       "Segment0_LabelValue:=1\nSegment0_Layer:=1\nSegment0_Name:=vein\nSegment0_Color:=1 0 0\n\n" +
+           std::string(66, '\0') + std::string("\0\1\0\0\0\1", 6));
   // NrrdIO parses one number more than its arrays of 16 hold.
   const std::string ones = " 1 1 1 1 1 1 1 1 1 1 1 1 1 1 1 1";
   seed("defect-17-sizes", "NRRD0004\ntype: uchar\ndimension: 16\nsizes: 1" + ones + "\nencoding: raw\n\n1");

@@ -43,9 +43,8 @@ std::array<double, 3> UsualColor(int value)
 void FieldLabels::Validate(std::size_t gaussians) const
 {
   ValidateLabels(labels);
-  Require(scales.size() == points.size() && weights.size() == (gaussians + points.size()) * labels.size(),
-          "Labels: there are ", weights.size(), " weights and ", scales.size(), " scales for ", gaussians,
-          " Gaussians, ", points.size(), " points and ", labels.size(), " labels.");
+  Require(weights.size() == (gaussians + points.size()) * labels.size(), "Labels: there are ", weights.size(),
+          " weights for ", gaussians, " Gaussians, ", points.size(), " points and ", labels.size(), " labels.");
   for (std::size_t i = 0; i < weights.size(); ++i)
   {
     if (!(weights[i] >= 0 && weights[i] <= 1))
@@ -56,7 +55,7 @@ void FieldLabels::Validate(std::size_t gaussians) const
   }
   for (std::size_t i = 0; i < points.size(); ++i)
   {
-    ValidateGaussian(i, points[i], Eigen::Vector3d::Constant(scales[i]), {1, 0, 0, 0}, 1);
+    ValidateGaussian(i, points[i].head<3>(), Eigen::Vector3d::Constant(points[i][3]), {1, 0, 0, 0}, 1);
   }
 }
 
@@ -66,8 +65,8 @@ GaussianField FieldLabels::Carriers(const GaussianField& field) const
   carriers.Resize(field.Size() + points.size());
   for (std::size_t i = 0; i < points.size(); ++i)
   {
-    carriers.means[field.Size() + i] = points[i];
-    carriers.scales[field.Size() + i].setConstant(scales[i]);
+    carriers.means[field.Size() + i] = points[i].head<3>();
+    carriers.scales[field.Size() + i].setConstant(points[i][3]);
     carriers.rotations[field.Size() + i] = {1, 0, 0, 0};
   }
   std::fill(carriers.reflectivities.begin(), carriers.reflectivities.end(), 1.0);
@@ -97,10 +96,10 @@ std::vector<double> FieldLabels::Raised(std::size_t label) const
 FieldLabels Transformed(FieldLabels labels, const Eigen::Matrix4d& transform)
 {
   const double scale = std::cbrt(std::abs(transform.topLeftCorner<3, 3>().determinant()));
-  for (std::size_t i = 0; i < labels.points.size(); ++i)
+  for (Eigen::Vector4d& point : labels.points)
   {
-    labels.points[i] = (transform * labels.points[i].homogeneous()).head<3>();
-    labels.scales[i] = static_cast<float>(scale * labels.scales[i]);
+    // As floats, so that to turn a field leaves them what they are.
+    point << (transform * point.head<3>().homogeneous()).head<3>().eval(), static_cast<float>(scale * point[3]);
   }
   return labels;
 }

@@ -36,11 +36,10 @@ struct FieldLabels
 {
   std::vector<Label> labels;            ///< [K], ascending
   std::vector<float> weights;           ///< [N + M][K] 0 to 1: of the field's Gaussians, then of the further ones
-  std::vector<Eigen::Vector3d> points;  ///< [M] mm
-  std::vector<float> scales;            ///< [M] standard deviations, mm
+  std::vector<Eigen::Vector4d> points;  ///< [M] x, y, z and standard deviation, mm
 
-  /// Throws Error unless labels are valid, points and scales can be a Gaussian's, and there are finite weights from 0 to 1
-  /// for so many Gaussians and the points.
+  /// Throws Error unless labels are valid, points can be Gaussians, and there are finite weights from 0 to 1 for so many
+  /// Gaussians and the points.
   void Validate(std::size_t gaussians) const;
 
   /// The field's Gaussians and the further ones, [N + M], all of reflectivity 1, under the field's beam.

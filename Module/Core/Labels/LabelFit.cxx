@@ -157,36 +157,34 @@ public:
   {
     const auto count = static_cast<int>(pictures_.size());
     levels_.create(count * sweep_.height, sweep_.width, CV_32F);
-    deepest_.assign(pictures_.size(), 0);
-    cv::Mat before, here;
-    for (int f = 0; f < count; ++f, before = here)
+    std::vector<cv::Mat> shown(pictures_.size());  // signed distances; empty where a frame does not show it
+    for (int f = 0; f < count; ++f)
     {
-      here = DistancesOf(f, value);
-      if (!here.empty())
+      const cv::Mat inside = pictures_[f] < 0 ? cv::Mat() : ShownOn(f, value);
+      if (cv::countNonZero(inside) > 0)
       {
-        double depth = 0;
-        cv::minMaxLoc(here, nullptr, &depth);
-        deepest_[f] = std::min(static_cast<float>(depth), kReach);  // a picture that is filled has no border
-        SetLevels(f, here);
-        cv::Mat bytes(here.size(), CV_8U, soft + sweep_.PixelsPerFrame() * pictures_[f]);
-        here.convertTo(bytes, CV_8U, 127.5 / kFade, 127.5);
+        shown[f] = SignedDistances(inside);
+        SetLevels(f, shown[f]);
+        cv::Mat bytes(inside.size(), CV_8U, soft + sweep_.PixelsPerFrame() * pictures_[f]);
+        shown[f].convertTo(bytes, CV_8U, 127.5 / kFade, 127.5);
       }
       if (f > 0)
       {
-        const bool isFollowed = !before.empty() && !here.empty();
-        moves_.push_back(isFollowed ? MovesOf(shapes_.Plane(f - 1), before, shapes_.Plane(f), here) : PixelMoves());
+        const bool isFollowed = !shown[f - 1].empty() && !shown[f].empty();
+        moves_.push_back(isFollowed ? MovesOf(shapes_.Plane(f - 1), shown[f - 1], shapes_.Plane(f), shown[f])
+                                    : PixelMoves());
       }
     }
-    if (*std::max_element(deepest_.begin(), deepest_.end()) == 0)
+    if (std::all_of(shown.begin(), shown.end(), [](const cv::Mat& shape) { return shape.empty(); }))
     {
       return false;
     }
-    FillAbsent();
+    FillAbsent(shown);
     for (int f = 0; f < count; ++f)
     {
       if (pictures_[f] == kGoesOn)
       {
-        FillEnd(value, f);
+        FillEnd(shown, f);
       }
     }
     shapes_.pixels = std::shared_ptr<const void>(std::make_shared<cv::Mat>(levels_), levels_.data);
@@ -254,20 +252,17 @@ private:
     const int beyond = frame + (next == frame ? side : frame - next);
     const Eigen::Vector3d step = next == frame ? Eigen::Vector3d(side * kFade * plane.PixelSize() * plane.Normal())
                                                : Eigen::Vector3d(Centre(plane) - Centre(sweep_.Plane(next)));
-    if (beyond >= 0 && beyond < sweep_.NumberOfFrames() && sweep_.SequenceOf(beyond) == sweep_.SequenceOf(frame))
+    const bool isCut =
+        beyond < 0 || beyond >= sweep_.NumberOfFrames() || sweep_.SequenceOf(beyond) != sweep_.SequenceOf(frame);
+    const Eigen::Vector3d along = step.dot(plane.Normal()) * plane.Normal();
+    if (isCut && side > 0)
     {
-      Add(kNoPicture, frame, step);
-      return;
+      Add(kGoesOn, frame, along);
     }
-    std::array ends = {std::pair(kGoesOn, Eigen::Vector3d(step.dot(plane.Normal()) * plane.Normal())),
-                       std::pair(kNoPicture, Eigen::Vector3d(2 * step))};
-    if (side < 0)
+    Add(kNoPicture, frame, isCut ? Eigen::Vector3d(2 * step) : step);
+    if (isCut && side < 0)
     {
-      std::swap(ends[0], ends[1]);
-    }
-    for (const auto& [picture, shift] : ends)
-    {
-      Add(picture, frame, shift);
+      Add(kGoesOn, frame, along);
     }
   }
 
@@ -285,13 +280,6 @@ private:
     return MaskOf(&given_.pixels[sweep_.PixelsPerFrame() * pictures_[f]], sweep_.width, sweep_.height, value);
   }
 
-  /// Empty where no picture shows the label.
-  cv::Mat DistancesOf(std::size_t f, int value) const
-  {
-    const cv::Mat inside = pictures_[f] < 0 ? cv::Mat() : ShownOn(f, value);
-    return cv::countNonZero(inside) > 0 ? SignedDistances(inside) : cv::Mat();
-  }
-
   cv::Mat LevelsOf(int f) { return levels_.rowRange(f * sweep_.height, (f + 1) * sweep_.height); }
 
   void SetLevels(int f, const cv::Mat& distances)
@@ -303,17 +291,26 @@ private:
   }
 
   /// Where a frame has no label it ends half way to it, where it is deepest.
-  void FillAbsent()
+  void FillAbsent(const std::vector<cv::Mat>& shown)
   {
-    const auto depthOf = [this](std::size_t f) { return f < deepest_.size() ? deepest_[f] : 0; };
-    for (std::size_t f = 0; f < pictures_.size(); ++f)
+    std::vector<float> deepest(shown.size(), 0);
+    for (std::size_t f = 0; f < shown.size(); ++f)
+    {
+      if (double depth = 0; !shown[f].empty())
+      {
+        cv::minMaxLoc(shown[f], nullptr, &depth);
+        deepest[f] = std::min(static_cast<float>(depth), kReach);  // a picture that is filled has no border
+      }
+    }
+    const auto depthOf = [&deepest](std::size_t f) { return f < deepest.size() ? deepest[f] : 0; };
+    for (std::size_t f = 0; f < shown.size(); ++f)
     {
       float depth = 0;
-      for (std::size_t away = 1; away < pictures_.size() && depth == 0; ++away)
+      for (std::size_t away = 1; away < shown.size() && depth == 0; ++away)
       {
         depth = std::max(depthOf(f - away), depthOf(f + away));  // none before the first, where f - away wraps
       }
-      if (deepest_[f] == 0)
+      if (shown[f].empty())
       {
         LevelsOf(static_cast<int>(f)).setTo(0.5f - 0.5f * depth / kReach);
       }
@@ -321,18 +318,17 @@ private:
   }
 
   /// Where a label goes on behind the end `f` of a sweep as it came; half way to none where only the last frame has it.
-  void FillEnd(int value, int f)
+  void FillEnd(const std::vector<cv::Mat>& shown, int f)
   {
     const int side = f > 0 && pictures_[f - 1] >= 0 ? -1 : 1, last = f + side, before = last + side;
-    if (deepest_[last] == 0 || deepest_[before] == 0)
+    if (shown[last].empty() || shown[before].empty())
     {
       cv::Mat levels = LevelsOf(f);
       cv::addWeighted(LevelsOf(last), 0.5, LevelsOf(f - side), 0.5, 0, levels);
       return;
     }
     PixelMoves& moves = moves_[std::min(f, last)];
-    SetLevels(f, GoneOn(shapes_.Plane(last), DistancesOf(last, value), shapes_.Plane(before),
-                        DistancesOf(before, value), moves));
+    SetLevels(f, GoneOn(shapes_.Plane(last), shown[last], shapes_.Plane(before), shown[before], moves));
     for (float& move : moves.moves)
     {
       move *= static_cast<float>(side);
@@ -342,7 +338,6 @@ private:
   const Sweep& sweep_;
   const LabelFrames& given_;
   std::vector<int> pictures_;      // [frames of shapes_] place in given_
-  std::vector<float> deepest_;     // [frames of shapes_] pixels inside, up to kReach; 0: does not show it
   cv::Mat levels_;                 // [frames of shapes_ * height][width]
   std::vector<PixelMoves> moves_;  // [frames of shapes_ but the last]
   Sweep shapes_;
@@ -376,15 +371,14 @@ void AddPoints(const Shapes& shapes, int value, double pixel, FieldLabels& label
       std::max({std::min(kFine * pixel, shapes.Gap()), kFinest * pixel, std::cbrt(box.volume() / kMostCandidates)});
   for (const bool isFine : {true, false})
   {
-    const double step = isFine ? fine : kCoarse * fine;
+    const double step = isFine ? fine : kCoarse * fine, width = static_cast<float>(kOverlap * step);
     const std::vector<Eigen::Vector3d> candidates = LatticeOver(box, step);
     const std::vector<float> distances = shapes.DistancesAt(candidates);
     for (std::size_t i = 0; i < candidates.size(); ++i)
     {
       if (isFine ? std::abs(distances[i]) <= kFade : distances[i] >= kFade)
       {
-        labels.points.push_back(candidates[i]);
-        labels.scales.push_back(static_cast<float>(kOverlap * step));
+        labels.points.emplace_back(candidates[i].x(), candidates[i].y(), candidates[i].z(), width);
       }
     }
   }
@@ -396,7 +390,7 @@ FieldLabels Interpolated(const GaussianField& field, const Sweep& sweep, const L
                          std::vector<std::uint8_t>& soft)
 {
   const std::size_t labels = given.labels.size(), pixels = given.pixels.size();
-  FieldLabels start{given.labels, {}, {}, {}};
+  FieldLabels start{given.labels, {}, {}};
   soft.assign(labels * pixels, 0);
   std::vector<Shapes> shapes(labels, Shapes(sweep, given));
   std::vector<bool> isThere;
@@ -408,8 +402,7 @@ FieldLabels Interpolated(const GaussianField& field, const Sweep& sweep, const L
       AddPoints(shapes[k], given.labels[k].value, sweep.Plane(given.frames[0]).PixelSize(), start);
     }
   }
-  std::vector<Eigen::Vector3d> places = field.means;
-  places.insert(places.end(), start.points.begin(), start.points.end());
+  const std::vector<Eigen::Vector3d> places = start.Carriers(field).means;
   start.weights.assign(places.size() * labels, 0.0f);
   for (std::size_t k = 0; k < labels; ++k)
   {
@@ -430,8 +423,9 @@ class Fit
 public:
   Fit(const GaussianField& carriers, const Sweep& sweep, const LabelFrames& given,
       const std::vector<std::uint8_t>& soft, const std::string& engine)
-      : sweep_(sweep), given_(given), soft_(soft), engine_(NewLabelEngine(engine)), walker_(ViewEngine::Of(*engine_))
+      : sweep_(sweep), given_(given), soft_(soft), engine_(Engine::Create(engine)), walker_(ViewEngine::Of(*engine_))
   {
+    Require(walker_, "Labels: the engine '", engine, "' cannot fit them; take cpu.");
     engine_->SetFrames(std::make_shared<const Sweep>(sweep));
     engine_->SetField(carriers);
     // Of S, that is gamma times as much of I.
@@ -448,76 +442,68 @@ public:
     {
       const std::size_t last = std::min(first + kTogether, given_.frames.size());
       const std::vector<int> frames(given_.frames.begin() + first, given_.frames.begin() + last);
-      Cover(frames, n, seen);
+      inverse_.resize(frames.size() * sweep_.PixelsPerFrame());
+      std::vector<float> weights(frames.size() * n, 1.0f);
+      Gather(
+          frames, weights, [this](std::size_t f, int row, float* line) { Invert(f, row, line); }, 1, seen.data());
       for (std::size_t k = 0; k < labels; ++k)
       {
-        Compare(frames, first, now, k, changes);
+        for (std::size_t at = 0; at < weights.size(); ++at)
+        {
+          weights[at] = now.weights[at % n * labels + k];
+        }
+        const std::uint8_t* const soft = &soft_[k * given_.pixels.size() + first * sweep_.PixelsPerFrame()];
+        const auto compare = [&](std::size_t f, int row, float* line) { Compare(soft, f, row, line); };
+        Gather(frames, weights, compare, labels, &changes[k]);
       }
       if (!goOn(static_cast<double>(last) / given_.frames.size()))
       {
         return false;
       }
     }
-    for (std::size_t i = 0; i < n; ++i)
+    for (std::size_t at = 0; at < changes.size(); ++at)
     {
-      for (std::size_t k = 0; k < labels && seen[i] > 0; ++k)
+      if (seen[at / labels] > 0)
       {
-        float& w = now.weights[i * labels + k];
-        w = std::clamp(w + static_cast<float>(changes[i * labels + k] / seen[i]), 0.0f, 1.0f);
+        const auto change = static_cast<float>(changes[at] / seen[at / labels]);
+        now.weights[at] = std::clamp(now.weights[at] + change, 0.0f, 1.0f);
       }
     }
     return true;
   }
 
 private:
-  /// Notes 1 / C, and adds up what each Gaussian has of it.
-  void Cover(const std::vector<int>& frames, std::size_t n, std::vector<double>& seen)
+  /// Adds to every `stride`th of the sums what the Gaussians' footprints have of the changed pixels of all frames.
+  void Gather(const std::vector<int>& frames, const std::vector<float>& weights, const ViewEngine::ChangeRow& change,
+              std::size_t stride, double* sums)
   {
-    inverse_.resize(frames.size() * sweep_.PixelsPerFrame());
-    walker_->Walk(
-        frames, std::vector<float>(frames.size() * n, 1.0f),
-        [&](std::size_t f, int row, float* line)
-        {
-          for (int i = 0; i < sweep_.width; ++i)
-          {
-            const std::size_t pixel = static_cast<std::size_t>(row) * sweep_.width + i;
-            line[i] = line[i] > 0 && sweep_.IsLit(pixel) ? 1 / line[i] : 0.0f;
-            inverse_[f * sweep_.PixelsPerFrame() + pixel] = line[i];
-          }
-        },
-        &sums_);
-    for (std::size_t at = 0; at < sums_.size(); ++at)
+    walker_->Walk(frames, weights, change, &gathered_);
+    const std::size_t n = weights.size() / frames.size();
+    for (std::size_t at = 0; at < gathered_.size(); ++at)
     {
-      seen[at % n] += sums_[at];
+      sums[at % n * stride] += gathered_[at];
     }
   }
 
-  void Compare(const std::vector<int>& frames, std::size_t first, const FieldLabels& now, std::size_t k,
-               std::vector<double>& changes)
+  /// C to 1 / C, which is kept.
+  void Invert(std::size_t f, int row, float* line)
   {
-    const std::size_t labels = now.labels.size(), n = now.weights.size() / labels;
-    std::vector<float> weights(frames.size() * n);
-    for (std::size_t at = 0; at < weights.size(); ++at)
+    for (int i = 0; i < sweep_.width; ++i)
     {
-      weights[at] = now.weights[at % n * labels + k];
+      const std::size_t pixel = static_cast<std::size_t>(row) * sweep_.width + i;
+      line[i] = line[i] > 0 && sweep_.IsLit(pixel) ? 1 / line[i] : 0.0f;
+      inverse_[f * sweep_.PixelsPerFrame() + pixel] = line[i];
     }
-    walker_->Walk(
-        frames, weights,
-        [&](std::size_t f, int row, float* line)
-        {
-          const std::size_t begin = static_cast<std::size_t>(row) * sweep_.width;
-          const float* const inverse = &inverse_[f * sweep_.PixelsPerFrame() + begin];
-          const std::uint8_t* const drawn =
-              &soft_[k * given_.pixels.size() + (first + f) * sweep_.PixelsPerFrame() + begin];
-          for (int i = 0; i < sweep_.width; ++i)
-          {
-            line[i] = (drawn[i] / 255.0f - line[i] * inverse[i]) * inverse[i];
-          }
-        },
-        &sums_);
-    for (std::size_t at = 0; at < sums_.size(); ++at)
+  }
+
+  /// sum_i w_i m_i to (y - y') / C.
+  void Compare(const std::uint8_t* soft, std::size_t f, int row, float* line) const
+  {
+    const std::size_t begin = f * sweep_.PixelsPerFrame() + static_cast<std::size_t>(row) * sweep_.width;
+    for (int i = 0; i < sweep_.width; ++i)
     {
-      changes[at % n * labels + k] += sums_[at];
+      const float inverse = inverse_[begin + i];
+      line[i] = (soft[begin + i] / 255.0f - line[i] * inverse) * inverse;
     }
   }
 
@@ -526,7 +512,7 @@ private:
   const std::vector<std::uint8_t>& soft_;
   std::unique_ptr<Engine> engine_;
   ViewEngine* walker_;
-  std::vector<float> inverse_, sums_;
+  std::vector<float> inverse_, gathered_;
 };
 
 }  // namespace
@@ -536,8 +522,6 @@ FieldLabels FitLabels(const GaussianField& field, const Sweep& sweep, const Labe
   field.Validate();
   given.Validate(sweep);
   Require(field.Size() != 0, "Labels: the field has no Gaussian to carry them.");
-  Require(fit.iterations >= 0 && fit.iterations <= 1000, "Labels: ", fit.iterations,
-          " iterations; 0 to 1000 are possible.");
   try
   {
     std::vector<std::uint8_t> soft;

@@ -1,13 +1,13 @@
 // SPDX-FileCopyrightText: BIGUS authors
 // SPDX-License-Identifier: BSD-3-Clause
-#include "Core/Labels/LabelVolumes.h"
-
+// How large what has a label is, and how sure that is.
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 #include <opencv2/imgproc.hpp>
 
-#include "Core/Engine/ViewEngine.h"
+#include "Core/Labels/Labels.h"
 #include "Core/Model/SweepGeometry.h"
 #include "Core/Numerics/OpenCv.h"
 
@@ -100,39 +100,43 @@ LabelVolume VolumeBySections(const Sweep& sweep, const LabelFrames& drawn, const
   return sum;
 }
 
-/// Counts voxels of a label, of about a pixel.
-double VolumeOf(Engine& engine, const GaussianField& carriers, const FieldLabels& labels, std::size_t k, double pixel)
+/// The voxels of each value, of about a pixel, together, mm^3.
+std::array<double, kLargestLabel + 1> VoxelsOf(GaussianField field, const FieldLabels& labels, double pixel,
+                                               const std::string& engine)
 {
+  field.beam = Beam{0};
+  const GaussianField carriers = labels.Carriers(field);
   Eigen::AlignedBox3d box;
   double widest = pixel;
-  for (std::size_t i = 0; i < carriers.Size(); ++i)
+  for (std::size_t at = 0; at < labels.weights.size(); ++at)
   {
-    if (labels.weights[i * labels.labels.size() + k] >= 0.5)
+    if (labels.weights[at] >= 0.5)
     {
-      box.extend(carriers.means[i]);
-      widest = std::max(widest, carriers.scales[i].maxCoeff());
+      box.extend(carriers.means[at / labels.labels.size()]);
+      widest = std::max(widest, carriers.scales[at / labels.labels.size()].maxCoeff());
     }
   }
+  std::array<double, kLargestLabel + 1> sums{};
   if (box.isEmpty())
   {
-    return 0;
+    return sums;
   }
   const Eigen::Vector3d rim = Eigen::Vector3d::Constant(std::min(widest, 10 * pixel));
   box = Eigen::AlignedBox3d(box.min() - rim, box.max() + rim);
   const double step = std::max(pixel, std::cbrt(box.volume() / kMostVoxels));
-  const Eigen::Array3d sizes = (box.sizes().array() / step).floor() + 1;
-  SlicePlane plane{box.min(), step * Eigen::Vector3d::UnitX(), step * Eigen::Vector3d::UnitY(),
-                   static_cast<int>(sizes[0]), static_cast<int>(sizes[1])};
-  ViewEngine::Of(engine)->SetReflectivities(labels.Raised(k));
-  const RenderPlanes render = ShareOf(PlanesOn(engine, ViewOutput::Scattering));
-  std::vector<float> share(plane.NumberOfPixels());
-  std::ptrdiff_t inside = 0;
+  const Eigen::Array3i sizes = (box.sizes().array() / step).cast<int>() + 1;
+  SlicePlane plane{box.min(), step * Eigen::Vector3d::UnitX(), step * Eigen::Vector3d::UnitY(), sizes[0], sizes[1]};
+  LabelledField shown(field, labels, engine);
+  std::vector<std::uint8_t> map(plane.NumberOfPixels());
   for (int z = 0; z < sizes[2]; ++z, plane.origin.z() += step)
   {
-    render({plane}, {0, 0, plane.width, plane.height}, share.data(), nullptr);
-    inside += std::count_if(share.begin(), share.end(), [](float value) { return value >= 0.5f; });
+    shown.Render(plane, map.data());
+    for (const std::uint8_t value : map)
+    {
+      sums[value] += step * step * step;
+    }
   }
-  return static_cast<double>(inside) * step * step * step;
+  return sums;
 }
 
 }  // namespace
@@ -142,19 +146,14 @@ std::vector<LabelVolume> MeasureLabels(const GaussianField& field, const FieldLa
 {
   drawn.Validate(sweep);
   labels.Validate(field.Size());
-  GaussianField carriers = labels.Carriers(field);
-  carriers.beam = Beam{0};
-  const auto shown = NewLabelEngine(engine);
-  shown->SetField(carriers);
+  const auto voxels = VoxelsOf(field, labels, sweep.Plane(drawn.frames[0]).PixelSize(), engine);
   std::vector<LabelVolume> volumes;
-  for (std::size_t k = 0; k < labels.labels.size(); ++k)
+  for (const Label& label : labels.labels)
   {
-    const double pixel = sweep.Plane(drawn.frames[0]).PixelSize();
-    const double voxels = VolumeOf(*shown, carriers, labels, k, pixel);
-    volumes.push_back(VolumeBySections(sweep, drawn, labels.labels[k], trackerNoise));
-    if (volumes.back().volume > kTwice * voxels)
+    volumes.push_back(VolumeBySections(sweep, drawn, label, trackerNoise));
+    if (volumes.back().volume > kTwice * voxels[label.value])
     {
-      volumes.back() = {labels.labels[k], voxels, std::numeric_limits<double>::quiet_NaN()};
+      volumes.back() = {label, voxels[label.value], std::numeric_limits<double>::quiet_NaN()};
     }
   }
   return volumes;

@@ -5,13 +5,9 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <limits>
 #include <numeric>
 #include <opencv2/imgproc.hpp>
 
-#include "Core/Engine/ViewEngine.h"
-#include "Core/Evaluation/Compounding.h"
-#include "Core/Evaluation/FrameInSpace.h"
 #include "Core/Model/Error.h"
 #include "Core/Numerics/Constants.h"
 #include "Core/Numerics/OpenCv.h"
@@ -24,80 +20,6 @@ namespace
 /// Coverage, a tenth of the (2 pi)^(3/2) 0.7^3 that carriers of a label's own have: with less only far tails reach a pixel,
 /// behind the ends of a sweep, and their ratio tells nothing.
 constexpr float kSeen = 0.54f;
-
-/// Where label pictures have a value, as frames to interpolate.
-Sweep FramesOf(const Sweep& sweep, const LabelFrames& given, int value)
-{
-  Sweep frames;
-  frames.width = sweep.width;
-  frames.height = sweep.height;
-  const auto rows = static_cast<int>(given.frames.size()) * sweep.height;
-  const auto mask = std::make_shared<cv::Mat>(MaskOf(given.pixels.data(), sweep.width, rows, value));
-  frames.pixels = std::shared_ptr<const void>(mask, mask->data);
-  for (const int frame : given.frames)
-  {
-    frames.imageToReference.push_back(sweep.imageToReference[frame]);
-    frames.sequences.push_back(sweep.SequenceOf(frame));
-  }
-  return frames;
-}
-
-/// At each point what the nearest label picture shows, of those that it projects onto at right angles.
-std::vector<std::uint8_t> NearestMaps(const Sweep& sweep, const LabelFrames& training,
-                                      const std::vector<SlicePlane>& planes)
-{
-  std::vector<FrameInSpace> frames;
-  for (const int frame : training.frames)
-  {
-    frames.emplace_back(sweep, frame);
-  }
-  std::vector<std::uint8_t> maps;
-  for (const SlicePlane& plane : planes)
-  {
-    for (std::size_t p = 0; p < plane.NumberOfPixels(); ++p)
-    {
-      double smallest = std::numeric_limits<double>::infinity();
-      maps.push_back(0);
-      for (std::size_t f = 0; f < frames.size(); ++f)
-      {
-        const Eigen::Vector3d ijz = frames[f].Project(plane.Point(p % plane.width, p / plane.width));
-        if (std::abs(ijz[2]) < smallest && frames[f].Contains(ijz))
-        {
-          const int i = std::clamp(static_cast<int>(std::lround(ijz[0])), 0, sweep.width - 1),
-                    j = std::clamp(static_cast<int>(std::lround(ijz[1])), 0, sweep.height - 1);
-          smallest = std::abs(ijz[2]);
-          maps.back() = training.pixels[(f * sweep.height + j) * sweep.width + i];
-        }
-      }
-    }
-  }
-  return maps;
-}
-
-/// What a volume compounded of each label's pictures shows there.
-std::vector<std::uint8_t> CompoundedMaps(const Sweep& sweep, const LabelFrames& training,
-                                         const std::vector<SlicePlane>& planes)
-{
-  std::vector<Compounding> volumes;
-  for (const Label& label : training.labels)
-  {
-    const Sweep frames = FramesOf(sweep, training, label.value);
-    volumes.emplace_back(frames, AllFrames(frames));
-  }
-  std::vector<std::uint8_t> maps;
-  for (const SlicePlane& plane : planes)
-  {
-    const std::size_t n = plane.NumberOfPixels();
-    std::vector<float> shares(volumes.size() * n);
-    for (std::size_t k = 0; k < volumes.size(); ++k)
-    {
-      volumes[k].Predict(plane, &shares[k * n]);
-    }
-    maps.resize(maps.size() + n);
-    MapLabels(training.labels, shares.data(), n, &maps[maps.size() - n]);
-  }
-  return maps;
-}
 
 /// The carriers that have some of a label, of that reflectivity.
 GaussianField SomeOf(const GaussianField& carriers, const FieldLabels& labels, std::size_t label)
@@ -117,6 +39,27 @@ GaussianField SomeOf(const GaussianField& carriers, const FieldLabels& labels, s
     }
   }
   return some;
+}
+
+/// The label that has the largest share in each pixel, or 0 where what no label has is more. `shares` [K][pixels].
+void MapLabels(const std::vector<Label>& labels, const float* shares, std::size_t pixels, std::uint8_t* map)
+{
+  for (std::size_t p = 0; p < pixels; ++p)
+  {
+    float largest = 0, sum = 0;
+    int value = 0;
+    for (std::size_t k = 0; k < labels.size(); ++k)
+    {
+      const float share = shares[k * pixels + p];
+      sum += share;
+      if (share > largest)
+      {
+        largest = share;
+        value = labels[k].value;
+      }
+    }
+    map[p] = static_cast<std::uint8_t>(largest >= 1 - sum ? value : 0);
+  }
 }
 
 /// What is measured of a label on a picture, in pixels.
@@ -257,33 +200,6 @@ RenderPlanes ShareOf(const RenderPlanes& render)
   };
 }
 
-void MapLabels(const std::vector<Label>& labels, const float* shares, std::size_t pixels, std::uint8_t* map)
-{
-  for (std::size_t p = 0; p < pixels; ++p)
-  {
-    float largest = 0, sum = 0;
-    int value = 0;
-    for (std::size_t k = 0; k < labels.size(); ++k)
-    {
-      const float share = shares[k * pixels + p];
-      sum += share;
-      if (share > largest)
-      {
-        largest = share;
-        value = labels[k].value;
-      }
-    }
-    map[p] = static_cast<std::uint8_t>(largest >= 1 - sum ? value : 0);
-  }
-}
-
-std::unique_ptr<Engine> NewLabelEngine(const std::string& name)
-{
-  std::unique_ptr<Engine> engine = Engine::Create(name);
-  Require(ViewEngine::Of(*engine), "Labels: the engine '", name, "' cannot fit them; take cpu.");
-  return engine;
-}
-
 LabelledField::LabelledField(const GaussianField& field, const FieldLabels& labels, const std::string& engine)
     : labels_(labels.labels), all_(Engine::Create(engine))
 {
@@ -354,11 +270,10 @@ double Dice(const std::vector<std::uint8_t>& a, const std::vector<std::uint8_t>&
   return sum == 0 ? 1 : 2 * static_cast<double>(both) / static_cast<double>(sum);
 }
 
-std::vector<LabelScore> ScoreLabels(const GaussianField& field, const FieldLabels& labels, const Sweep& sweep,
-                                    const LabelFrames& training, const std::vector<SlicePlane>& planes,
-                                    const std::vector<std::uint8_t>& truth, const std::string& engine)
+std::vector<LabelScore> ScoreLabels(const GaussianField& field, const FieldLabels& labels,
+                                    const std::vector<SlicePlane>& planes, const std::vector<std::uint8_t>& truth,
+                                    const std::string& engine)
 {
-  training.Validate(sweep);
   LabelledField labelled(field, labels, engine);
   std::vector<std::uint8_t> shown;
   for (const SlicePlane& plane : planes)
@@ -368,13 +283,10 @@ std::vector<LabelScore> ScoreLabels(const GaussianField& field, const FieldLabel
   }
   Require(truth.size() == shown.size(), "Labels: there are ", truth.size(), " pixels of truth for planes of ",
           shown.size(), ".");
-  const std::vector<std::uint8_t> nearest = NearestMaps(sweep, training, planes);
-  const std::vector<std::uint8_t> compounded = CompoundedMaps(sweep, training, planes);
   std::vector<LabelScore> scores;
   for (const Label& label : labels.labels)
   {
-    scores.push_back({label, Dice(shown, truth, label.value), Dice(nearest, truth, label.value),
-                      Dice(compounded, truth, label.value)});
+    scores.push_back({label, Dice(shown, truth, label.value)});
     Measure(planes, shown.data(), truth.data(), scores.back());
   }
   return scores;

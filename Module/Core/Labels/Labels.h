@@ -45,26 +45,20 @@ struct LabelFrames
 /// How labels are fitted.
 struct LabelFit
 {
-  int iterations = 4;  ///< 0 to 1000; 0: what lies between the labelled frames, not fitted
   std::string engine = "auto";
   std::function<bool(double)> progress = {};  ///< gets the share done; false stops, and the result is empty
+  int iterations = 4;                         ///< 0: what lies between the labelled frames, not fitted
 };
 
 /// Fits weights to label pictures, shapes of Gaussians as they are. `sweep`: at the poses that the field was trained at.
-/// The same bits for any number of threads. Throws Error for frames that do not fit the sweep, and as
-/// NewLabelEngine.
+/// The same bits for any number of threads. Throws Error for frames that do not fit the sweep, and for an engine that cannot
+/// fit labels.
 FieldLabels FitLabels(const GaussianField& field, const Sweep& sweep, const LabelFrames& given,
                       const LabelFit& fit = {});
 
 /// What a field with reflectivities 1 + w shows of the label: S / coverage - 1, from 0 to 1, and 0 where hardly a Gaussian
 /// reaches. `render`: the scattering of that field.
 RenderPlanes ShareOf(const RenderPlanes& render);
-
-/// The label that has the largest share in each pixel, or 0 where what no label has is more. `shares` [K][pixels].
-void MapLabels(const std::vector<Label>& labels, const float* shares, std::size_t pixels, std::uint8_t* map);
-
-/// An engine that can fit labels. Throws Error for a name of another.
-std::unique_ptr<Engine> NewLabelEngine(const std::string& name);
 
 /// The label pictures of a labelled field at planes: sums over all carriers where a label is, and over those of each.
 class LabelledField
@@ -89,21 +83,35 @@ private:
 /// Dice 2 |A and B| / (|A| + |B|) of one label over all pictures; 1 where neither has it.
 double Dice(const std::vector<std::uint8_t>& a, const std::vector<std::uint8_t>& b, int value);
 
-/// Of one label, what three ways reach at planes that had no part: the field, at each point what the nearest labelled frame
-/// shows there, and a volume compounded of label pictures.
+/// Of one label, how well the field meets it at planes that had no part.
 struct LabelScore
 {
   Label label;
-  double field = 0, nearest = 0, compounding = 0;  ///< Dice
+  double dice = 0;
   /// How far what is measured on the field's pictures is off, root mean square over the planes that truly show the label: mm of
   /// a length across it, along rows or columns, and mm by which an area is off for each mm of its outline. README.md tells how
   /// they become standard errors. Not a number where no plane shows it.
   double length = 0, area = 0;
 };
 
-/// Scores `labels`, fitted to `training`, at planes whose `truth` is [planes][height][width].
-std::vector<LabelScore> ScoreLabels(const GaussianField& field, const FieldLabels& labels, const Sweep& sweep,
-                                    const LabelFrames& training, const std::vector<SlicePlane>& planes,
-                                    const std::vector<std::uint8_t>& truth, const std::string& engine = "auto");
+/// Scores the labels of a field at planes whose `truth` is [planes][height][width].
+std::vector<LabelScore> ScoreLabels(const GaussianField& field, const FieldLabels& labels,
+                                    const std::vector<SlicePlane>& planes, const std::vector<std::uint8_t>& truth,
+                                    const std::string& engine = "auto");
+
+struct LabelVolume
+{
+  Label label;
+  double volume = 0;  ///< mm^3
+  /// mm^3; README.md says of what. Not a number where fewer than three frames have the label, or a sweep has it that was drawn on
+  /// fewer.
+  double standardError = 0;
+};
+
+/// Of each label that was fitted to these pictures. `trackerNoise`: mm, at least 0, of a frame's place along its normal
+/// (TrackerNoise of Core/StandardError).
+std::vector<LabelVolume> MeasureLabels(const GaussianField& field, const FieldLabels& labels, const Sweep& sweep,
+                                       const LabelFrames& drawn, double trackerNoise,
+                                       const std::string& engine = "auto");
 
 }  // namespace bigus

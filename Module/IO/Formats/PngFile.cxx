@@ -4,7 +4,9 @@
 
 #include <spng.h>
 
-#include <vector>
+#include <algorithm>
+#include <filesystem>
+#include <system_error>
 
 #include "IO/FileError.h"
 #include "IO/Text.h"
@@ -115,6 +117,22 @@ void RequireLike(const std::string& fileName, const PngHeader& header, const Png
 }
 
 }  // namespace
+
+std::vector<std::string> PngFilesOf(const std::string& folder)
+{
+  std::vector<std::string> files;
+  std::error_code error;
+  for (std::filesystem::directory_iterator entry(folder, error), end; !error && entry != end; entry.increment(error))
+  {
+    if (Lowercase(entry->path().extension().string()) == ".png")
+    {
+      files.push_back(entry->path().string());
+    }
+  }
+  Require(FileFault::CannotOpen, !error, folder, ": the folder cannot be read: ", error.message());
+  std::sort(files.begin(), files.end(), InNaturalOrder);
+  return files;
+}
 
 PngHeader ReadPngHeader(const std::string& fileName)
 {

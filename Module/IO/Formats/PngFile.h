@@ -4,6 +4,7 @@
 #pragma once
 
 #include <string>
+#include <vector>
 
 #include "IO/SequenceFile.h"
 
@@ -17,6 +18,9 @@ struct PngHeader
   ElementType elementType = ElementType::UInt8;
   int channels = 1;  ///< in the file; colours, indexed ones too, and grey with alpha are read as 8-bit grey
 };
+
+/// The PNG images in a folder, in natural order. Throws FileError where it cannot be read.
+std::vector<std::string> PngFilesOf(const std::string& folder);
 
 /// Throws FileError unless the file begins as a PNG of 8 or 16 bits a channel, not interlaced, that can hold the pixels it
 /// claims.

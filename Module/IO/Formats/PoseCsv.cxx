@@ -8,7 +8,6 @@
 #include <map>
 #include <numeric>
 #include <set>
-#include <system_error>
 #include <utility>
 
 #include "Core/Numerics/Format.h"
@@ -190,22 +189,6 @@ std::string ImageName(const SequenceFile& file, const std::string& pattern, std:
   text.insert(0, text.size() < static_cast<std::size_t>(digits) ? static_cast<std::size_t>(digits) - text.size() : 0,
               '0');
   return pattern.substr(0, percent) + text + pattern.substr(end + 1);
-}
-
-std::vector<std::string> PngFilesOf(const std::string& folder)
-{
-  std::vector<std::string> files;
-  std::error_code error;
-  for (std::filesystem::directory_iterator entry(folder, error), end; !error && entry != end; entry.increment(error))
-  {
-    if (Lowercase(entry->path().extension().string()) == ".png")
-    {
-      files.push_back(entry->path().string());
-    }
-  }
-  Require(FileFault::CannotOpen, !error, folder, ": the folder cannot be read: ", error.message());
-  std::sort(files.begin(), files.end(), InNaturalOrder);
-  return files;
 }
 
 /// Finds the pictures of all rows. `named` are those that the rows name.

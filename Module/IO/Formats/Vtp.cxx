@@ -473,32 +473,24 @@ private:
     {
       labels.labels.push_back({numbers[k], names[k], {colors[3 * k], colors[3 * k + 1], colors[3 * k + 2]}});
     }
-    const FoundArray weights = FindOfPoints("LabelWeight", static_cast<int>(values.tuples));
-    RequireArrayShape(kOwner, weights.name, weights.components, weights.tuples, static_cast<int>(values.tuples),
-                      points_);
-    labels.weights.resize(Count(wanted_) * numbers.size());
-    Inflate(weights, wanted_, numbers.size() * sizeof(float), labels.weights.data());
+    AddWeights(FindOfPoints("LabelWeight", static_cast<int>(numbers.size())), points_, wanted_, labels);
     if (Node("LabelPoints"))
     {
-      ReadLabelPoints(labels);
+      const FoundArray points = FindRequired("LabelPoints", 4);
+      ReadVectors(points, Whole(points.tuples), labels.points);
+      AddWeights(FindRequired("LabelPointWeight", static_cast<int>(numbers.size())), points.tuples,
+                 Whole(points.tuples), labels);
     }
     return labels;
   }
 
-  void ReadLabelPoints(FieldLabels& labels)
+  // Those of the runs go behind those that there are.
+  void AddWeights(const FoundArray& found, std::int64_t tuples, const Runs& runs, FieldLabels& labels)
   {
-    const std::vector<double> points = ReadNumbers("LabelPoints", 4, -1);
-    const std::size_t count = points.size() / 4, before = labels.weights.size(), k = labels.labels.size();
-    const FoundArray weights = FindRequired("LabelPointWeight", static_cast<int>(k));
-    RequireArrayShape(kOwner, weights.name, weights.components, weights.tuples, static_cast<int>(k),
-                      static_cast<std::int64_t>(count));
-    labels.weights.resize(before + count * k);
-    Inflate(weights, Whole(weights.tuples), k * sizeof(float), labels.weights.data() + before);
-    for (std::size_t i = 0; i < count; ++i)
-    {
-      labels.points.emplace_back(points[4 * i], points[4 * i + 1], points[4 * i + 2]);
-      labels.scales.push_back(static_cast<float>(points[4 * i + 3]));
-    }
+    const std::size_t count = labels.labels.size(), before = labels.weights.size();
+    RequireArrayShape(kOwner, found.name, found.components, found.tuples, static_cast<int>(count), tuples);
+    labels.weights.resize(before + Count(runs) * count);
+    Inflate(found, runs, count * sizeof(float), labels.weights.data() + before);
   }
 
   void ReadScalar(const char* name, bool required, double& value)
@@ -796,7 +788,7 @@ void AddLabels(const FieldLabels& all, std::size_t gaussians, VtpText& text)
 {
   std::vector<std::string> names;
   std::vector<std::int32_t> values;
-  std::vector<double> colors, points;
+  std::vector<double> colors;
   for (const Label& label : all.labels)
   {
     names.push_back(label.name);
@@ -807,12 +799,7 @@ void AddLabels(const FieldLabels& all, std::size_t gaussians, VtpText& text)
   text.AddStrings("LabelNames", names);
   text.AddArray("Int32", "LabelValues", 1, values.data(), values.size(), count);
   text.AddArray("Float64", "LabelColors", 3, colors.data(), colors.size(), count);
-  for (std::size_t i = 0; i < all.points.size(); ++i)
-  {
-    points.insert(points.end(), all.points[i].data(), all.points[i].data() + 3);
-    points.push_back(all.scales[i]);
-  }
-  text.AddArray("Float64", "LabelPoints", 4, points.data(), points.size(), m);
+  text.AddArray("Float64", "LabelPoints", 4, NumbersOf(all.points), 4 * all.points.size(), m);
   text.AddArray("Float32", "LabelPointWeight", static_cast<int>(count), all.weights.data() + gaussians * values.size(),
                 all.points.size() * values.size(), m);
 }

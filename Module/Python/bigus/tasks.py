@@ -355,7 +355,7 @@ def label(
     labels: whole numbers, 0 (none) to 255, [frames, height, width]; or what vtkBigusLabelReader reads: .seg.nrrd of 3D
     Slicer, .nrrd, .mha, a folder of PNG images.
     names: {1: "vessel"}. frames: numbers in the file of the frames that the pictures are of; by default all, in order.
-    properties: those of vtkBigusFieldLabeler, such as Iterations.
+    properties: those of vtkBigusFieldLabeler, such as KeepEmptyPictures.
     """
     require(field, vtkPolyData, "label", "field")
     require(sweep, vtkImageData, "label", "sweep")
@@ -380,9 +380,8 @@ def label(
         pictures.GetFieldData().AddArray(words)
         pictures.GetFieldData().RemoveArray("LabelColors")
     labeler = vtkBigusFieldLabeler()
-    labeler.SetInputDataObject(0, field)
-    labeler.SetSweepData(sweep)
-    labeler.SetLabelData(pictures)
+    for port, data in enumerate((field, sweep, pictures)):
+        labeler.SetInputDataObject(port, data)
     set_properties(labeler, properties)
     return update_alone(labeler).GetOutput()
 

@@ -327,7 +327,6 @@ def label(
     labels: ArrayLike,
     names: Optional[Mapping[int, str]] = None,
     frames: Optional[Sequence[int]] = None,
-    iterations: int = 4,
     keep_empty_pictures: bool = False,
     engine: str = "auto",
 ) -> Field:
@@ -343,7 +342,7 @@ def label(
     require(sweep, Sweep, "label", "sweep")
     pictures = common.label_pixels(labels)
     numbers = [int(k) for k in (range(len(sweep)) if frames is None else frames)]
-    return _core.label(field, sweep, pictures, numbers, dict(names or {}), iterations, keep_empty_pictures, engine)
+    return _core.label(field, sweep, pictures, numbers, dict(names or {}), keep_empty_pictures, engine)
 
 
 def label_map(
