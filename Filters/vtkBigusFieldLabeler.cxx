@@ -34,7 +34,6 @@ void vtkBigusFieldLabeler::PrintSelf(ostream& os, vtkIndent indent)
 {
   this->Superclass::PrintSelf(os, indent);
   os << indent << "KeepEmptyPictures: " << (this->KeepEmptyPictures ? "On\n" : "Off\n");
-  os << indent << "NumberOfFittedPictures: " << this->NumberOfFittedPictures << "\n";
   os << indent << "Engine: " << (this->Engine ? this->Engine : "(none)") << "\n";
 }
 
@@ -67,7 +66,6 @@ int vtkBigusFieldLabeler::RequestData(vtkInformation*, vtkInformationVector** in
     {
       given = given.Subset(given.Drawn());
     }
-    this->NumberOfFittedPictures = static_cast<int>(given.frames.size());
     const bigus::FieldLabels labels =
         bigus::FitLabels(bigus::FieldFromPolyData(input), *imported.sweep, given,
                          {this->Engine, [this](double share) { return bigus::ReportProgress(this, share); }});

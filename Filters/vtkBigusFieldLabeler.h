@@ -31,20 +31,11 @@ public:
   void PrintSelf(ostream& os, vtkIndent indent) override;
 
   ///@{
-  /** Inputs 1 and 2; SetInputDataObject(1, sweep) takes what has no pipeline. */
-  void SetSweepConnection(vtkAlgorithmOutput* sweep) { this->SetInputConnection(1, sweep); }
-  void SetLabelConnection(vtkAlgorithmOutput* labels) { this->SetInputConnection(2, labels); }
-  ///@}
-
-  ///@{
   /** Whether an empty picture always says that its frame shows none of the labels. Default: off. */
   vtkSetMacro(KeepEmptyPictures, vtkTypeBool);
   vtkGetMacro(KeepEmptyPictures, vtkTypeBool);
   vtkBooleanMacro(KeepEmptyPictures, vtkTypeBool);
   ///@}
-
-  /** How many pictures the last update fitted to. */
-  vtkGetMacro(NumberOfFittedPictures, int);
 
   ///@{
   /** What computes: "auto" (default), "cpu", "cpu-double", "reference", "cuda". */
@@ -61,7 +52,6 @@ protected:
   int RequestData(vtkInformation*, vtkInformationVector**, vtkInformationVector*) override;
 
   vtkTypeBool KeepEmptyPictures = 0;
-  int NumberOfFittedPictures = 0;
   char* Engine = nullptr;
 
 private:

@@ -35,8 +35,8 @@ int main(int argumentCount, char** arguments)
 
   vtkNew<vtkBigusFieldLabeler> labeler;
   labeler->SetInputConnection(field->GetOutputPort());
-  labeler->SetSweepConnection(sweep->GetOutputPort());
-  labeler->SetLabelConnection(labels->GetOutputPort());
+  labeler->SetInputConnection(1, sweep->GetOutputPort());
+  labeler->SetInputConnection(2, labels->GetOutputPort());
 
   vtkNew<vtkBigusVoxelizer> share;  // how much of each voxel has the label
   share->SetInputConnection(labeler->GetOutputPort());

@@ -38,23 +38,18 @@ struct LabelOptions
   bool keepEmpty = false;
 };
 
-/// "1=vessel" names the label of value 1.
+/// "1=vessel" names the label of value 1, if there is one.
 void Rename(const std::string& text, std::vector<Label>& labels)
 {
   const std::size_t sign = text.find('=');
-  Label named;
-  Require(sign != std::string::npos && CLI::detail::lexical_cast(text.substr(0, sign), named.value), "--names: '", text,
-          "' is not VALUE=NAME, such as 1=vessel.");
-  const auto known =
-      std::find_if(labels.begin(), labels.end(), [&named](const Label& label) { return label.value >= named.value; });
-  named.name = text.substr(sign + 1);
-  named.color = UsualColor(named.value);
-  if (known == labels.end() || known->value != named.value)
+  int value = 0;
+  Require(sign != std::string::npos && sign + 1 < text.size() && CLI::detail::lexical_cast(text.substr(0, sign), value),
+          "--names: '", text, "' is not VALUE=NAME, such as 1=vessel.");
+  const auto isMeant = [value](const Label& label) { return label.value == value; };
+  if (const auto found = std::find_if(labels.begin(), labels.end(), isMeant); found != labels.end())
   {
-    labels.insert(known, named);
-    return;
+    found->name = text.substr(sign + 1);
   }
-  known->name = named.name;
 }
 
 /// Label pictures of frames that count. Says what is left out.
@@ -75,11 +70,11 @@ LabelFrames ReadLabels(const LabelOptions& options, vtkImageData* frames, const 
     std::copy(given.begin(), given.end(), numbers->GetPointer(0));
     pictures->GetFieldData()->AddArray(numbers);
   }
-  std::vector<Label> names = LabelNamesOf(pictures);
-  std::for_each(options.names.begin(), options.names.end(), [&names](const auto& text) { Rename(text, names); });
-  ReplaceLabelNames(pictures, names);
-
-  const LabelFrames given = LabelFramesFromImage(pictures, frames, imported.frames);
+  LabelFrames given = LabelFramesFromImage(pictures, frames, imported.frames);
+  for (const std::string& text : options.names)
+  {
+    Rename(text, given.labels);
+  }
   const std::vector<int> drawn = given.Drawn();
   if (options.keepEmpty || drawn.size() == given.frames.size())
   {

@@ -52,75 +52,52 @@ std::string Field(const SequenceFile& file, const std::string& name)
   return found == file.fields.end() ? std::string() : found->second;
 }
 
-/// What Slicer calls a segment.
-struct Segment
-{
-  Label label;
-  std::int64_t value = 0, layer = 0;  // in the file
-};
+/// The label of each value in a layer of the file; 0: none.
+using LabelOfValue = std::array<std::uint8_t, kLargestLabel + 1>;
 
-/// Segment0_LabelValue, _Name, _Color and _Layer. Values of several layers may be the same, so segments are counted there.
-std::vector<Segment> SegmentsOf(const SequenceFile& file)
+/// What Slicer calls segments: Segment0_LabelValue, _Name, _Color and _Layer. Where there are several layers, `of` [layers]
+/// gets their labels, which count segments, since values of two layers may be the same. Else labels are the values.
+std::vector<Label> SegmentsOf(const SequenceFile& file, std::vector<LabelOfValue>& of)
 {
-  std::vector<Segment> segments;
+  of.assign(static_cast<std::size_t>(file.layers), {0});
+  std::vector<Label> labels;
   for (int k = 0; k < kLargestLabel; ++k)
   {
     const std::string name = "Segment" + std::to_string(k) + "_";
-    Segment segment;
-    if (!ParseNumber(Field(file, name + "LabelValue"), segment.value))
+    std::int64_t value = 0, layer = 0;
+    if (!ParseNumber(Field(file, name + "LabelValue"), value))
     {
       continue;
     }
-    ParseNumber(Field(file, name + "Layer"), segment.layer);
-    Label& label = segment.label;
+    ParseNumber(Field(file, name + "Layer"), layer);
+    Label label;
     label.name = Printable(Field(file, name + "Name"));
-    label.name = label.name.empty() ? "Label " + std::to_string(segment.value) : label.name;
-    RequireFormat(segment.layer >= 0 && segment.layer < file.layers, file.fileName, ": the segment ",
-                  Quoted(label.name), " is in layer ", segment.layer, ", and there are ", file.layers);
-    RequireFormat(segment.value > 0 && segment.value <= kLargestLabel, file.fileName, ": the segment ",
-                  Quoted(label.name), " has the value ", segment.value, "; labels from 1 to 255 are read");
-    label.value = static_cast<int>(file.layers > 1 ? segments.size() + 1 : segment.value);
-    if (!ParseNumbers(Field(file, name + "Color"), 3, label.color.data()))
-    {
-      label.color = UsualColor(label.value);
-    }
-    segments.push_back(segment);
+    label.name = label.name.empty() ? "Label " + std::to_string(value) : label.name;
+    RequireFormat(value > 0 && value <= kLargestLabel, file.fileName, ": the segment ", Quoted(label.name),
+                  " has the value ", value, "; labels from 1 to 255 are read");
+    RequireFormat(layer >= 0 && layer < file.layers, file.fileName, ": the segment ", Quoted(label.name),
+                  " is in layer ", layer, ", and there are ", file.layers);
+    RequireFormat(of[layer][value] == 0, file.fileName, ": two segments have the value ", value);
+    label.value = static_cast<int>(file.layers > 1 ? labels.size() + 1 : value);
+    const bool isColored = ParseNumbers(Field(file, name + "Color"), 3, label.color.data());
+    const auto [least, most] = std::minmax_element(label.color.begin(), label.color.end());
+    label.color = isColored && *least >= 0 && *most <= 1 ? label.color : UsualColor(label.value);
+    of[layer][value] = static_cast<std::uint8_t>(label.value);
+    labels.push_back(label);
   }
-  return segments;
-}
-
-std::vector<Label> LabelsOf(const SequenceFile& file, const std::vector<Segment>& segments)
-{
-  std::vector<Label> labels;
-  std::transform(segments.begin(), segments.end(), std::back_inserter(labels),
-                 [](const Segment& segment) { return segment.label; });
+  if (file.layers == 1)
+  {
+    std::iota(of[0].begin(), of[0].end(), std::uint8_t(0));  // those without a name, too
+  }
   std::sort(labels.begin(), labels.end(), [](const Label& a, const Label& b) { return a.value < b.value; });
-  try
-  {
-    ValidateLabels(labels);
-  }
-  catch (const Error& error)
-  {
-    throw FormatError(file.fileName + ": " + error.what());
-  }
   return labels;
 }
 
 /// One picture after another of what the file holds. What lies in two layers is the later segment's, as Slicer draws it
 /// over the other.
-void Flatten(const SequenceFile& file, const std::vector<Segment>& segments, const std::vector<unsigned char>& bytes,
+void Flatten(const SequenceFile& file, const std::vector<LabelOfValue>& of, const std::vector<unsigned char>& bytes,
              unsigned char* pixels)
 {
-  const auto layers = static_cast<std::size_t>(file.layers);
-  std::vector<std::array<std::uint8_t, kLargestLabel + 1>> valueOf(layers, {0});
-  for (const Segment& segment : segments)
-  {
-    valueOf[segment.layer].at(segment.value) = static_cast<std::uint8_t>(segment.label.value);
-  }
-  if (layers == 1)  // which may have values without a name
-  {
-    std::iota(valueOf[0].begin(), valueOf[0].end(), std::uint8_t(0));
-  }
   const std::size_t size = BytesPerElement(file.elementType);
   for (std::size_t at = 0; at < bytes.size() / size; ++at)
   {
@@ -130,10 +107,12 @@ void Flatten(const SequenceFile& file, const std::vector<Segment>& segments, con
       std::memcpy(&value, &bytes[at * size], size);
     }
     RequireFormat(value <= kLargestLabel, file.fileName, ": has the label ", value, "; labels from 1 to 255 are read");
-    const std::uint8_t label = valueOf[at % layers][value];
-    RequireFormat(label > 0 || value == 0, file.fileName, ": layer ", at % layers, " has the label ", value,
+    const std::size_t layer = at % of.size();
+    const std::uint8_t label = of[layer][value];
+    RequireFormat(label > 0 || value == 0, file.fileName, ": layer ", layer, " has the label ", value,
                   ", which no segment names");
-    pixels[at / layers] = at % layers == 0 ? label : std::max(pixels[at / layers], label);
+    std::uint8_t& pixel = pixels[at / of.size()];
+    pixel = layer == 0 ? label : std::max(pixel, label);
   }
 }
 
@@ -186,11 +165,11 @@ void ReadLabels(const std::string& path, vtkImageData* output)
   const bool isFolder = std::filesystem::is_directory(path);
   const SequenceFile file = isFolder ? FolderOfPictures(path) : ReadSequenceFile(path, {true, true, true, {}, {}});
   const std::vector<unsigned char> bytes = ReadElements(file);
-  const std::vector<Segment> segments = SegmentsOf(file);
-  const std::vector<Label> labels = LabelsOf(file, segments);
+  std::vector<LabelOfValue> of;
+  const std::vector<Label> labels = SegmentsOf(file, of);
   output->SetDimensions(file.width / file.layers, file.height, file.numberOfFrames);
   output->AllocateScalars(VTK_UNSIGNED_CHAR, 1);
-  Flatten(file, segments, bytes, static_cast<unsigned char*>(output->GetScalarPointer()));
+  Flatten(file, of, bytes, static_cast<unsigned char*>(output->GetScalarPointer()));
   if (const std::vector<int> numbers = NumbersIn(file.images); isFolder && !numbers.empty())
   {
     const auto source = NewArray<vtkIntArray>("SourceFrame", 1, file.numberOfFrames);

@@ -93,7 +93,6 @@ TEST(FieldLabeler, GivesLabelsThatEveryPlaneShows)
 {
   const auto labeler = Labeler(Halves());
   labeler->Update();
-  EXPECT_EQ(labeler->GetNumberOfFittedPictures(), kFrames);
   const auto labels = LabelsFromPolyData(labeler->GetOutput());
   ASSERT_TRUE(labels);
   ASSERT_EQ(labels->labels.size(), 2u);
@@ -223,7 +222,9 @@ TEST(FieldLabeler, SaysWhatDoesNotFit)
   elsewhere->GetFieldData()->GetArray("SourceFrame")->SetTuple1(0, 3);
   const auto one = Labeler(elsewhere);
   one->Update();
-  EXPECT_EQ(one->GetNumberOfFittedPictures(), 1);
+  const auto first = Labeler(Halves(1));
+  first->Update();
+  EXPECT_EQ(LabelsFromPolyData(one->GetOutput())->weights, LabelsFromPolyData(first->GetOutput())->weights);
   says(Across(ToPolyData(RandomField(20, 5))), "no labels");
   const auto voxelizer = vtkSmartPointer<vtkBigusVoxelizer>::New();
   voxelizer->SetInputDataObject(0, ToPolyData(RandomField(20, 5)));

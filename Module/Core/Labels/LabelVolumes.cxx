@@ -70,31 +70,28 @@ LabelVolume VolumeBySections(const Sweep& sweep, const LabelFrames& drawn, const
 {
   LabelVolume sum{label, 0, 0};
   const std::uint8_t* picture = drawn.pixels.data();
-  std::size_t seen = 0;
+  std::ptrdiff_t seen = 0;
   bool isKnown = true;
   for (const std::vector<int>& own : BySequence(sweep, drawn.frames))
   {
     std::vector<Section> sections;
-    std::size_t seenHere = 0;
-    for (std::size_t f = 0; f < own.size(); ++f)
+    for (std::size_t f = 0; f < own.size(); ++f, picture += sweep.PixelsPerFrame())
     {
-      const SlicePlane plane = sweep.Plane(own[f]);
-      sections.push_back(SectionOf(picture, plane, label.value));
-      picture += sweep.PixelsPerFrame();
-      seenHere += sections.back().area > 0;
-      if (f == 0)
+      sections.push_back(SectionOf(picture, sweep.Plane(own[f]), label.value));
+      if (f > 0)
       {
-        continue;
+        // Planes may be tilted, so they are as far apart as they are where the label is.
+        Section &before = sections[f - 1], &now = sections[f];
+        const Section& at = before.area > now.area ? before : now;
+        before.gap = GapBetween(sweep, own[f - 1], own[f], at.column, at.row);
+        sum.volume += 0.5 * before.gap * (before.area + now.area);
       }
-      // Planes may be tilted, so they are as far apart as they are where the label is.
-      Section &before = sections[f - 1], &now = sections[f];
-      const Section& at = before.area > now.area ? before : now;
-      before.gap = GapBetween(sweep, own[f - 1], own[f], at.column, at.row);
-      sum.volume += 0.5 * before.gap * (before.area + now.area);
     }
     sum.standardError += VarianceOf(sections, trackerNoise);
-    seen += seenHere;
-    isKnown = isKnown && (seenHere == 0 || sections.size() > 2);
+    const auto here =
+        std::count_if(sections.begin(), sections.end(), [](const Section& section) { return section.area > 0; });
+    seen += here;
+    isKnown = isKnown && (here == 0 || sections.size() > 2);
   }
   sum.standardError = seen < 3 || !isKnown ? std::numeric_limits<double>::quiet_NaN() : std::sqrt(sum.standardError);
   return sum;

@@ -65,46 +65,42 @@ void MapLabels(const std::vector<Label>& labels, const float* shares, std::size_
 /// What is measured of a label on a picture, in pixels.
 struct Extent
 {
-  double area = 0, outline = 0, width = 0, height = 0;
+  double area, outline;
+  cv::Rect box;
 };
 
 /// The outline by Crofton's formula: pi / 4 of the pixels' sides that lie between in and out.
-std::vector<Extent> ExtentsOf(const std::vector<SlicePlane>& planes, const std::uint8_t* map, int value)
+Extent ExtentOf(const SlicePlane& plane, const std::uint8_t* map, int value)
 {
-  std::vector<Extent> extents;
-  for (const SlicePlane& plane : planes)
-  {
-    const cv::Mat inside = MaskOf(map, plane.width, plane.height, value);
-    const cv::Rect box = cv::boundingRect(inside);
-    cv::Mat all;
-    cv::copyMakeBorder(inside, all, 1, 1, 1, 1, cv::BORDER_CONSTANT, 0);
-    const int sides = cv::countNonZero(all.rowRange(1, all.rows) != all.rowRange(0, all.rows - 1)) +
-                      cv::countNonZero(all.colRange(1, all.cols) != all.colRange(0, all.cols - 1));
-    extents.push_back({double(cv::countNonZero(inside)), kPi / 4 * sides, double(box.width), double(box.height)});
-    map += plane.NumberOfPixels();
-  }
-  return extents;
+  const cv::Mat inside = MaskOf(map, plane.width, plane.height, value);
+  cv::Mat all;
+  cv::copyMakeBorder(inside, all, 1, 1, 1, 1, cv::BORDER_CONSTANT, 0);
+  const int sides = cv::countNonZero(all.rowRange(1, all.rows) != all.rowRange(0, all.rows - 1)) +
+                    cv::countNonZero(all.colRange(1, all.cols) != all.colRange(0, all.cols - 1));
+  return {double(cv::countNonZero(inside)), kPi / 4 * sides, cv::boundingRect(inside)};
 }
 
-/// Fills in how far lengths and areas are off.
+/// Fills in how far lengths and areas are off, on planes that show at least half as much as the one that shows most.
 void Measure(const std::vector<SlicePlane>& planes, const std::uint8_t* shown, const std::uint8_t* truth,
              LabelScore& score)
 {
-  const std::vector<Extent> is = ExtentsOf(planes, truth, score.label.value);
-  const std::vector<Extent> told = ExtentsOf(planes, shown, score.label.value);
-  double lengths = 0, areas = 0, count = 0, largest = 0;
-  for (const Extent& one : is)
+  double lengths = 0, areas = 0, count = 0;
+  std::vector<Extent> is;
+  for (const SlicePlane& plane : planes)
   {
-    largest = std::max(largest, one.area);
+    is.push_back(ExtentOf(plane, truth, score.label.value));
+    truth += plane.NumberOfPixels();
   }
-  for (std::size_t k = 0; k < planes.size(); ++k)
+  const auto largest =
+      std::max_element(is.begin(), is.end(), [](const Extent& a, const Extent& b) { return a.area < b.area; });
+  for (std::size_t k = 0; k < planes.size(); shown += planes[k++].NumberOfPixels())
   {
-    if (is[k].area > 0 && is[k].area >= 0.5 * largest)
+    if (is[k].area > 0 && is[k].area >= 0.5 * largest->area)
     {
-      const double pixel = planes[k].PixelSize();
-      const double width = told[k].width - is[k].width, height = told[k].height - is[k].height;
-      const double off = pixel * (told[k].area - is[k].area) / is[k].outline;
-      lengths += pixel * pixel * (width * width + height * height) / 2;
+      const Extent told = ExtentOf(planes[k], shown, score.label.value);
+      const double pixel = planes[k].PixelSize(), off = pixel * (told.area - is[k].area) / is[k].outline;
+      const cv::Size wrong = told.box.size() - is[k].box.size();
+      lengths += pixel * pixel * (wrong.width * wrong.width + wrong.height * wrong.height) / 2;
       areas += off * off;
       ++count;
     }
@@ -114,6 +110,100 @@ void Measure(const std::vector<SlicePlane>& planes, const std::uint8_t* shown, c
 }
 
 }  // namespace
+
+void ValidateLabels(const std::vector<Label>& labels)
+{
+  int before = 0;
+  for (const Label& label : labels)
+  {
+    Require(label.value > before && label.value <= kLargestLabel, "Labels: the value ", label.value, " after ", before,
+            "; values ascend from 1 to 255.");
+    before = label.value;
+    Require(!label.name.empty(), "Labels: the label of value ", label.value, " has no name.");
+    for (const double part : label.color)
+    {
+      Require(part >= 0 && part <= 1, "Labels: the colour of '", label.name, "' has the part ", part,
+              "; red, green and blue lie between 0 and 1.");
+    }
+  }
+}
+
+std::array<double, 3> UsualColor(int value)
+{
+  // Hues a golden section of the circle apart are never close to those of the next few.
+  const double hue = 6 * std::fmod(0.618034 * (value - 1), 1.0);
+  std::array<double, 3> color{};
+  for (int k = 0; k < 3; ++k)
+  {
+    const double at = std::fmod(hue + 6 - 2 * k, 6.0);  // 0 where this part is full
+    color[k] = 0.9 * std::clamp(2 - std::min(at, 6 - at), 0.0, 1.0);
+  }
+  return color;
+}
+
+void FieldLabels::Validate(std::size_t gaussians) const
+{
+  ValidateLabels(labels);
+  Require(weights.size() == (gaussians + points.size()) * labels.size(), "Labels: there are ", weights.size(),
+          " weights for ", gaussians, " Gaussians, ", points.size(), " points and ", labels.size(), " labels.");
+  for (std::size_t i = 0; i < weights.size(); ++i)
+  {
+    if (!(weights[i] >= 0 && weights[i] <= 1))
+    {
+      throw Error("Labels: weight " + std::to_string(i) + " is " + std::to_string(weights[i]) +
+                  "; it must lie between 0 and 1.");
+    }
+  }
+  for (std::size_t i = 0; i < points.size(); ++i)
+  {
+    ValidateGaussian(i, points[i].head<3>(), Eigen::Vector3d::Constant(points[i][3]), {1, 0, 0, 0}, 1);
+  }
+}
+
+GaussianField FieldLabels::Carriers(const GaussianField& field) const
+{
+  GaussianField carriers = field;
+  carriers.Resize(field.Size() + points.size());
+  for (std::size_t i = 0; i < points.size(); ++i)
+  {
+    carriers.means[field.Size() + i] = points[i].head<3>();
+    carriers.scales[field.Size() + i].setConstant(points[i][3]);
+    carriers.rotations[field.Size() + i] = {1, 0, 0, 0};
+  }
+  std::fill(carriers.reflectivities.begin(), carriers.reflectivities.end(), 1.0);
+  return carriers;
+}
+
+GaussianField FieldLabels::CarriersOf(const GaussianField& field, int value) const
+{
+  const auto found =
+      std::find_if(labels.begin(), labels.end(), [value](const Label& label) { return label.value == value; });
+  Require(found != labels.end(), "LabelValue: the field has no label of the value ", value, ".");
+  GaussianField carriers = Carriers(field);
+  carriers.reflectivities = Raised(static_cast<std::size_t>(found - labels.begin()));
+  return carriers;
+}
+
+std::vector<double> FieldLabels::Raised(std::size_t label) const
+{
+  std::vector<double> raised(weights.size() / labels.size());
+  for (std::size_t i = 0; i < raised.size(); ++i)
+  {
+    raised[i] = 1.0 + weights[i * labels.size() + label];
+  }
+  return raised;
+}
+
+FieldLabels Transformed(FieldLabels labels, const Eigen::Matrix4d& transform)
+{
+  const double scale = std::cbrt(std::abs(transform.topLeftCorner<3, 3>().determinant()));
+  for (Eigen::Vector4d& point : labels.points)
+  {
+    // As floats, so that to turn a field leaves them what they are.
+    point << (transform * point.head<3>().homogeneous()).head<3>().eval(), static_cast<float>(scale * point[3]);
+  }
+  return labels;
+}
 
 std::vector<Label> WithNames(std::vector<Label> names, const std::vector<std::uint8_t>& pixels)
 {
