@@ -45,6 +45,7 @@ const GaussianField& FieldRenderer::Load(vtkPolyData* input)
     spread_ = SpreadOf(field_);
     view_ = ViewFromPolyData(input);
     labels_ = LabelsFromPolyData(input);
+    labelled_.reset();
     uploadedSigma_.reset();
     bands_ = Bands(parts_->FollowsClock());
     input_ = input;
@@ -105,6 +106,7 @@ void FieldRenderer::UploadHere(const ViewSettings& settings)
   if (uploadedSigma_ != sigma || uploadedLabel_ != label_)
   {
     label_ ? UploadLabel(sigma) : UploadField(sigma);
+    labelled_.reset();
     uploadedSigma_ = sigma;
     uploadedLabel_ = label_;
   }
@@ -137,6 +139,19 @@ void FieldRenderer::UploadLabel(double sigma)
   }
   whole_.seen.clear();
   whole_.engines[0]->SetField(carriers);
+}
+
+LabelledField& FieldRenderer::Labelled()
+{
+  Require(labels_.has_value(),
+          "GenerateLabelOutput: the field has no labels; vtkBigusFieldLabeler or bigus label gives it some.");
+  if (!labelled_)
+  {
+    GaussianField field = field_;
+    field.beam = *uploadedSigma_ >= 0 ? Beam{*uploadedSigma_} : field.beam;
+    labelled_ = std::make_unique<LabelledField>(field, *labels_, engineName_);
+  }
+  return *labelled_;
 }
 
 /// The same, plane by plane where directions are seen.

@@ -60,6 +60,8 @@ public:
   void SetSeesDirections(bool isOn) { seesDirections_ = isOn; }
   /// The label whose share planes show, by its value; null: they show the field itself. Null at first.
   void SetLabel(std::optional<int> value) { label_ = value; }
+  /// The labels of the whole field that was uploaded last, as it is seen. Throws Error where it has none.
+  LabelledField& Labelled();
 
   /// The most that a plane of the last Render saw of what the field knows of directions, 0 to 1; negative where it knows
   /// nothing, or is not asked.
@@ -84,6 +86,7 @@ private:
   FieldSpread spread_;
   std::optional<ViewDependence> view_;
   std::optional<FieldLabels> labels_;
+  std::unique_ptr<LabelledField> labelled_;  // made when asked for
   std::optional<int> label_, uploadedLabel_;
   bool seesDirections_ = false;
   double nearness_ = -1;

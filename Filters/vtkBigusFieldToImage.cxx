@@ -317,6 +317,12 @@ vtkPolyData* vtkBigusFieldToImage::WholeField(const char* output)
   return vtkPolyData::SafeDownCast(this->GetInputDataObject(0, 0));
 }
 
+bigus::LabelledField& vtkBigusFieldToImage::Labelled()
+{
+  this->WholeField("GenerateLabelOutput");
+  return this->Renderer->Labelled();
+}
+
 void vtkBigusFieldToImage::LoadStandardError()
 {
   vtkPolyData* const field = this->WholeField("GenerateStandardErrorOutput");

@@ -28,6 +28,7 @@ namespace bigus
 class FieldRenderer;
 struct GivenGrid;
 struct GridPart;
+class LabelledField;
 struct OutputGrid;
 struct PixelBand;
 struct Slab;
@@ -231,6 +232,8 @@ protected:
 
   /// The input. Throws bigus::Error where processes have parts of one, in the name of what needs it whole.
   vtkPolyData* WholeField(const char* output);
+  /// The input's labels as it is seen. Throws bigus::Error where it has none.
+  bigus::LabelledField& Labelled();
   /// What the last standard error rested on; null: there was none.
   const bigus::StandardError* KeptStandardError() const;
 

@@ -42,16 +42,6 @@ struct vtkBigusReslice::Recorded
   vtkMTimeType time = 0;
 };
 
-struct vtkBigusReslice::Labelled
-{
-  std::unique_ptr<bigus::LabelledField> field;
-  std::vector<bigus::Label> labels;
-  vtkPolyData* input = nullptr;  // what it was read from, and when, and how it is seen
-  vtkMTimeType time = 0;
-  std::string engine = {};
-  double elevationSigma = -1;
-};
-
 namespace
 {
 
@@ -94,7 +84,7 @@ vtkImageStencilData* StencilOf(vtkInformationVector* outputs)
 
 }  // namespace
 
-vtkBigusReslice::vtkBigusReslice() : Sweep(std::make_unique<Recorded>()), Named(std::make_unique<Labelled>())
+vtkBigusReslice::vtkBigusReslice() : Sweep(std::make_unique<Recorded>())
 {
   this->SetNumberOfOutputPorts(6);
   this->StandardErrorPort = 4;
@@ -460,38 +450,12 @@ void vtkBigusReslice::AllocateOutputs(vtkInformationVector* outputs, const int e
   }
   if (this->GenerateLabelOutput)
   {
-    this->LoadLabels();
     vtkImageData* labels = vtkImageData::GetData(outputs, 5);
     labels->SetOrigin(image->GetOrigin());
     labels->SetSpacing(image->GetSpacing());
     bigus::AllocatePixels(labels, extent, VTK_UNSIGNED_CHAR, "Labels");
-    bigus::ReplaceLabelNames(labels, this->Named->labels);
+    bigus::ReplaceLabelNames(labels, this->Labelled().Labels());
   }
-}
-
-void vtkBigusReslice::LoadLabels()
-{
-  vtkPolyData* const input = this->WholeField("GenerateLabelOutput");
-  if (this->Named->input == input && this->Named->time == input->GetMTime() && this->Named->engine == this->Engine &&
-      this->Named->elevationSigma == this->ElevationSigma)
-  {
-    return;
-  }
-  *this->Named = {};
-  const auto labels = bigus::LabelsFromPolyData(input);
-  bigus::Require(labels.has_value(),
-                 "GenerateLabelOutput: the field has no labels; vtkBigusFieldLabeler or bigus label gives it some.");
-  bigus::GaussianField field = bigus::FieldFromPolyData(input);
-  if (this->ElevationSigma >= 0)
-  {
-    field.beam = bigus::Beam{this->ElevationSigma};
-  }
-  *this->Named = {std::make_unique<bigus::LabelledField>(field, *labels, this->Engine),
-                  labels->labels,
-                  input,
-                  input->GetMTime(),
-                  this->Engine,
-                  this->ElevationSigma};
 }
 
 bool vtkBigusReslice::CompleteOutputs(const bigus::GridPart& grid,
@@ -500,7 +464,7 @@ bool vtkBigusReslice::CompleteOutputs(const bigus::GridPart& grid,
 {
   if (this->GenerateLabelOutput && bigus::ExtentSize(grid.extent) > 0)
   {
-    this->Named->field->Render(grid, static_cast<std::uint8_t*>(vtkImageData::GetData(outputs, 5)->GetScalarPointer()));
+    this->Labelled().Render(grid, static_cast<std::uint8_t*>(vtkImageData::GetData(outputs, 5)->GetScalarPointer()));
   }
   return this->Superclass::CompleteOutputs(grid, render, outputs);
 }

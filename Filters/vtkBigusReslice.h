@@ -416,9 +416,6 @@ private:
 
   struct Recorded;
   std::unique_ptr<Recorded> Sweep;  // RecordedFrames as read last
-  void LoadLabels();
-  struct Labelled;
-  std::unique_ptr<Labelled> Named;  // the input's labels as read last
 };
 
 #endif

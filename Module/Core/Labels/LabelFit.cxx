@@ -293,27 +293,27 @@ private:
   /// Where a frame has no label it ends half way to it, where it is deepest.
   void FillAbsent(const std::vector<cv::Mat>& shown)
   {
-    std::vector<float> deepest(shown.size(), 0);
-    for (std::size_t f = 0; f < shown.size(); ++f)
+    const auto depthOf = [&shown](std::size_t f)
     {
-      if (double depth = 0; !shown[f].empty())
+      double depth = 0;
+      if (f < shown.size() && !shown[f].empty())
       {
         cv::minMaxLoc(shown[f], nullptr, &depth);
-        deepest[f] = std::min(static_cast<float>(depth), kReach);  // a picture that is filled has no border
       }
-    }
-    const auto depthOf = [&deepest](std::size_t f) { return f < deepest.size() ? deepest[f] : 0; };
+      return std::min(static_cast<float>(depth), kReach);  // a picture that is filled has no border
+    };
     for (std::size_t f = 0; f < shown.size(); ++f)
     {
+      if (!shown[f].empty())
+      {
+        continue;
+      }
       float depth = 0;
       for (std::size_t away = 1; away < shown.size() && depth == 0; ++away)
       {
         depth = std::max(depthOf(f - away), depthOf(f + away));  // none before the first, where f - away wraps
       }
-      if (shown[f].empty())
-      {
-        LevelsOf(static_cast<int>(f)).setTo(0.5f - 0.5f * depth / kReach);
-      }
+      LevelsOf(static_cast<int>(f)).setTo(0.5f - 0.5f * depth / kReach);
     }
   }
 

@@ -67,6 +67,8 @@ public:
   /// Throws Error where labels are not the field's, and as Engine::Create.
   LabelledField(const GaussianField& field, const FieldLabels& labels, const std::string& engine = "auto");
 
+  const std::vector<Label>& Labels() const { return labels_; }
+
   /// `map` gets window.rows * window.columns values.
   void Render(const SlicePlane& plane, const Engine::Window& window, std::uint8_t* map);
   void Render(const SlicePlane& plane, std::uint8_t* map) { Render(plane, {0, 0, plane.width, plane.height}, map); }
