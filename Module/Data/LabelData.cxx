@@ -85,19 +85,19 @@ std::vector<Label> LabelNamesOf(vtkDataObject* data)
 {
   vtkFieldData* const arrays = data->GetFieldData();
   vtkDataArray* const values = arrays->GetArray(kValues);
-  std::vector<Label> labels;
   if (!values)
   {
-    return labels;
+    return {};
   }
   const vtkIdType count = values->GetNumberOfTuples();
   Require(count <= kLargestLabel, "Labels: LabelValues holds ", count, " values; at most 255 are read.");
   FindArray(arrays, kOwner, kValues, 1, count, true);
   auto* const names = vtkStringArray::SafeDownCast(arrays->GetAbstractArray(kNames));
   vtkDataArray* const colors = FindArray(arrays, kOwner, kColors, 3, count, false);
+  std::vector<Label> labels(static_cast<std::size_t>(count));
   for (vtkIdType k = 0; k < count; ++k)
   {
-    Label label;
+    Label& label = labels[k];
     label.value = static_cast<int>(values->GetTuple1(k));
     label.name = names && k < names->GetNumberOfValues() ? std::string(names->GetValue(k)) : std::string();
     label.name = label.name.empty() ? "Label " + std::to_string(label.value) : label.name;
@@ -106,7 +106,6 @@ std::vector<Label> LabelNamesOf(vtkDataObject* data)
     {
       colors->GetTuple(k, label.color.data());
     }
-    labels.push_back(label);
   }
   ValidateLabels(labels);
   return labels;

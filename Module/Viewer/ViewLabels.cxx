@@ -24,7 +24,6 @@ ViewLabels::ViewLabels(vtkPolyData* field)
     return;
   }
   field_ = std::make_unique<LabelledField>(FieldFromPolyData(field), *labels);
-  labels_ = labels->labels;
   colors_ = vtkSmartPointer<vtkLookupTable>::New();
   colors_->SetNumberOfTableValues(kLargestLabel + 1);
   colors_->SetTableRange(0, kLargestLabel);
@@ -32,7 +31,7 @@ ViewLabels::ViewLabels(vtkPolyData* field)
   {
     colors_->SetTableValue(value, 0, 0, 0, 0);
   }
-  for (const Label& label : labels_)
+  for (const Label& label : field_->Labels())
   {
     colors_->SetTableValue(label.value, label.color[0], label.color[1], label.color[2], 1);
   }
@@ -74,14 +73,16 @@ std::string ViewLabels::At(vtkBigusSliceProp* slice, double i, double j) const
 {
   const SlicePlane plane = PlaneOf(slice);
   const int column = static_cast<int>(std::lround(i)), row = static_cast<int>(std::lround(j));
-  std::uint8_t value = 0;
-  if (field_ && column >= 0 && row >= 0 && column < plane.width && row < plane.height)
+  if (!field_ || column < 0 || row < 0 || column >= plane.width || row >= plane.height)
   {
-    field_->Render(plane, {column, row, 1, 1}, &value);
+    return {};
   }
+  std::uint8_t value = 0;
+  field_->Render(plane, {column, row, 1, 1}, &value);
+  const std::vector<Label>& labels = field_->Labels();
   const auto found =
-      std::find_if(labels_.begin(), labels_.end(), [value](const Label& label) { return label.value == value; });
-  return found == labels_.end() ? std::string() : found->name;
+      std::find_if(labels.begin(), labels.end(), [value](const Label& label) { return label.value == value; });
+  return found == labels.end() ? std::string() : found->name;
 }
 
 }  // namespace bigus::command

@@ -31,7 +31,6 @@ public:
 
 private:
   std::unique_ptr<LabelledField> field_;  // null without labels
-  std::vector<Label> labels_;
   vtkSmartPointer<vtkLookupTable> colors_;
 };
 

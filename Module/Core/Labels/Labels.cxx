@@ -148,11 +148,8 @@ void FieldLabels::Validate(std::size_t gaussians) const
           " weights for ", gaussians, " Gaussians, ", points.size(), " points and ", labels.size(), " labels.");
   for (std::size_t i = 0; i < weights.size(); ++i)
   {
-    if (!(weights[i] >= 0 && weights[i] <= 1))
-    {
-      throw Error("Labels: weight " + std::to_string(i) + " is " + std::to_string(weights[i]) +
-                  "; it must lie between 0 and 1.");
-    }
+    Require(weights[i] >= 0 && weights[i] <= 1, "Labels: weight ", i, " is ", weights[i],
+            "; it must lie between 0 and 1.");
   }
   for (std::size_t i = 0; i < points.size(); ++i)
   {
@@ -207,20 +204,17 @@ FieldLabels Transformed(FieldLabels labels, const Eigen::Matrix4d& transform)
 
 std::vector<Label> WithNames(std::vector<Label> names, const std::vector<std::uint8_t>& pixels)
 {
-  std::array<bool, kLargestLabel + 1> isThere{};
-  for (const std::uint8_t value : pixels)
-  {
-    isThere[value] = true;
-  }
+  std::array<bool, kLargestLabel + 1> isNamed{true};  // as 0, which needs no name
   for (const Label& label : names)
   {
-    isThere[std::clamp(label.value, 0, kLargestLabel)] = false;
+    isNamed[std::clamp(label.value, 0, kLargestLabel)] = true;
   }
-  for (int value = 1; value <= kLargestLabel; ++value)
+  for (const std::uint8_t value : pixels)
   {
-    if (isThere[value])
+    if (!isNamed[value])
     {
       names.push_back({value, "Label " + std::to_string(value), UsualColor(value)});
+      isNamed[value] = true;
     }
   }
   std::sort(names.begin(), names.end(), [](const Label& a, const Label& b) { return a.value < b.value; });
@@ -237,11 +231,9 @@ void LabelFrames::Validate(const Sweep& sweep) const
           "; label pictures have the size of the sweep's.");
   for (std::size_t f = 0; f < frames.size(); ++f)
   {
-    if (frames[f] < 0 || frames[f] >= sweep.NumberOfFrames() || (f > 0 && frames[f] <= frames[f - 1]))
-    {
-      throw Error("Labels: frame " + std::to_string(frames[f]) + " is out of order or not one of the " +
-                  std::to_string(sweep.NumberOfFrames()) + " frames of the sweep.");
-    }
+    const int before = f > 0 ? frames[f - 1] : -1;
+    Require(frames[f] > before && frames[f] < sweep.NumberOfFrames(), "Labels: frame ", frames[f],
+            " is out of order or not one of the ", sweep.NumberOfFrames(), " frames of the sweep.");
   }
   Require(WithNames(labels, pixels).size() == labels.size(), "Labels: the pixels have a value that no label has.");
 }
@@ -251,14 +243,12 @@ std::vector<int> LabelFrames::Drawn() const
   const std::size_t n = frames.empty() ? 0 : pixels.size() / frames.size();
   std::vector<int> drawn, all(frames.size());
   std::iota(all.begin(), all.end(), 0);
-  for (const int place : all)
-  {
-    const auto first = pixels.begin() + n * place;
-    if (std::any_of(first, first + n, [](std::uint8_t value) { return value != 0; }))
-    {
-      drawn.push_back(place);
-    }
-  }
+  std::copy_if(all.begin(), all.end(), std::back_inserter(drawn),
+               [&](int place)
+               {
+                 const auto first = pixels.begin() + n * place;
+                 return std::count(first, first + n, 0) < static_cast<std::ptrdiff_t>(n);
+               });
   return !drawn.empty() && 2 * drawn.size() < static_cast<std::size_t>(drawn.back() - drawn.front() + 1) ? drawn : all;
 }
 
