@@ -5,15 +5,14 @@
 #include <algorithm>
 #include <charconv>
 #include <chrono>
-#include <cmath>
 #include <cstring>
 #include <limits>
 #include <optional>
-#include <sstream>
 
 #include "CollectiveExecutive.h"
 #include "Core/Model/Error.h"
 #include "Core/Trainer/KeptError.h"
+#include "Core/Trainer/ProgressText.h"
 #include "Core/Trainer/Provenance.h"
 #include "Core/Trainer/Trainer.h"
 #include "Core/Training/OptionList.h"
@@ -60,34 +59,6 @@ void FillFrameList(vtkIntArray* list, const std::vector<int>& frames, const std:
   {
     list->SetValue(static_cast<vtkIdType>(i), imageIndices[frames[i]]);
   }
-}
-
-std::string ProgressLine(const bigus::TrainingProgress& progress)
-{
-  using Phase = bigus::TrainingProgress::Phase;
-  std::ostringstream line;
-  line.imbue(std::locale::classic());
-  switch (progress.phase)
-  {
-    case Phase::Deciding:
-      line << "deciding what the sweep needs";
-      break;
-    case Phase::Seeding:
-      line << "seeding";
-      break;
-    case Phase::Training:
-      line << "iteration " << progress.record.iteration << ", loss " << progress.record.loss;
-      break;
-  }
-  if (progress.record.validationPsnr)
-  {
-    line << ", validation " << *progress.record.validationPsnr << " dB";
-  }
-  if (progress.secondsLeft > 0)
-  {
-    line << ", " << std::lround(progress.secondsLeft) << " s left";
-  }
-  return line.str();
 }
 
 void FillLog(const std::vector<bigus::TrainingRecord>& log, vtkTable* table)
@@ -381,7 +352,7 @@ void vtkBigusTrainer::Train(vtkInformationVector** inputs, vtkInformationVector*
 
   const auto progress = [this](const bigus::TrainingProgress& now)
   {
-    this->SetProgressText(ProgressLine(now).c_str());
+    this->SetProgressText(bigus::ProgressText(now).c_str());
     return bigus::ReportProgress(this, now.fraction);
   };
   const bigus::TrainingResult result =

@@ -17,9 +17,33 @@
 #include "vtkBigusTrainer.h"
 #include "vtkPythonUtil.h"
 #include "vtkSmartPointer.h"
+#include "vtkSmartPyObject.h"
 
 namespace
 {
+
+/// Python's lock is let go of while this lives.
+struct Unlocked
+{
+  PyThreadState* const state = PyEval_SaveThread();
+  ~Unlocked() { PyEval_RestoreThread(state); }
+};
+
+/// None; what `work` throws becomes RuntimeError.
+template <class Work>
+PyObject* Run(const Work& work)
+{
+  try
+  {
+    work();
+  }
+  catch (const std::exception& error)
+  {
+    PyErr_SetString(PyExc_RuntimeError, error.what());
+    return nullptr;
+  }
+  Py_RETURN_NONE;
+}
 
 PyObject* Update(PyObject*, PyObject* object)
 {
@@ -33,19 +57,12 @@ PyObject* Update(PyObject*, PyObject* object)
     }
     return nullptr;
   }
-  PyThreadState* const state = PyEval_SaveThread();
-  try
-  {
-    algorithm->Update();
-  }
-  catch (const std::exception& error)
-  {
-    PyEval_RestoreThread(state);
-    PyErr_SetString(PyExc_RuntimeError, error.what());
-    return nullptr;
-  }
-  PyEval_RestoreThread(state);
-  Py_RETURN_NONE;
+  return Run(
+      [&algorithm]
+      {
+        const Unlocked others;
+        algorithm->Update();
+      });
 }
 
 PyObject* KeepCheckpoints(PyObject*, PyObject* arguments)
@@ -64,65 +81,37 @@ PyObject* KeepCheckpoints(PyObject*, PyObject* arguments)
   {
     return nullptr;
   }
-  try
-  {
-    const auto file = std::make_shared<bigus::CheckpointFile>(
-        path, [trainer](const std::string& what) { vtkWarningWithObjectMacro(trainer, << what); });
-    bigus::Checkpoints checkpoints;
-    checkpoints.interval = interval;
-    checkpoints.save = [file](const std::string& state) { file->Write(state); };
-    if (resumes && file->Exists())
-    {
-      checkpoints.resume = file->Read();
-    }
-    trainer->SetCheckpoints(checkpoints);
-  }
-  catch (const std::exception& error)
-  {
-    PyErr_SetString(PyExc_RuntimeError, error.what());
-    return nullptr;
-  }
-  Py_RETURN_NONE;
+  return Run(
+      [=]
+      {
+        const auto file = std::make_shared<bigus::CheckpointFile>(
+            path, [trainer](const std::string& what) { vtkWarningWithObjectMacro(trainer, << what); });
+        bigus::Checkpoints checkpoints;
+        checkpoints.interval = interval;
+        checkpoints.save = [file](const std::string& state) { file->Write(state); };
+        if (resumes && file->Exists())
+        {
+          checkpoints.resume = file->Read();
+        }
+        trainer->SetCheckpoints(checkpoints);
+      });
 }
 
 PyObject* InstructionSets(PyObject*, PyObject*)
 {
-  PyObject* const list = PyList_New(0);
-  if (!list)
-  {
-    return nullptr;
-  }
+  std::string names;
   for (const std::string& name : bigus::InstructionSets())
   {
-    PyObject* const text = PyUnicode_FromString(name.c_str());
-    if (!text || PyList_Append(list, text) != 0)
-    {
-      Py_XDECREF(text);
-      Py_DECREF(list);
-      return nullptr;
-    }
-    Py_DECREF(text);
+    names += name + ' ';
   }
-  return list;
+  const vtkSmartPyObject text(PyUnicode_FromString(names.c_str()));
+  return text.GetPointer() ? PyUnicode_Split(text, nullptr, -1) : nullptr;
 }
 
 PyObject* UseInstructionSet(PyObject*, PyObject* arguments)
 {
   const char* name = nullptr;
-  if (!PyArg_ParseTuple(arguments, "s", &name))
-  {
-    return nullptr;
-  }
-  try
-  {
-    bigus::UseInstructionSet(name);
-  }
-  catch (const std::exception& error)
-  {
-    PyErr_SetString(PyExc_RuntimeError, error.what());
-    return nullptr;
-  }
-  Py_RETURN_NONE;
+  return PyArg_ParseTuple(arguments, "s", &name) ? Run([name] { bigus::UseInstructionSet(name); }) : nullptr;
 }
 
 PyMethodDef methods[] = {

@@ -3,6 +3,7 @@
 // numpy arrays as Core's memory and back, and what the parts of the extension share.
 #pragma once
 
+#include <nanobind/eigen/dense.h>
 #include <nanobind/nanobind.h>
 #include <nanobind/ndarray.h>
 #include <nanobind/stl/array.h>
@@ -16,18 +17,19 @@
 
 #include <Eigen/Dense>
 #include <cstdint>
+#include <functional>
 #include <initializer_list>
+#include <numeric>
 #include <optional>
 #include <string>
 #include <utility>
 #include <vector>
 
-#include "Core/Labels/FieldLabels.h"
-#include "Core/Model/GaussianField.h"
 #include "Core/Model/SlicePlane.h"
-#include "Core/Model/ViewDependence.h"
+#include "IO/FieldFile.h"
 
 namespace nb = nanobind;
+using namespace nb::literals;  // "name"_a
 
 namespace bigus
 {
@@ -65,6 +67,53 @@ Array Owned(std::vector<Element> elements, std::initializer_list<std::size_t> sh
   return nb::borrow<Array>(nb::cast(nb::ndarray<nb::numpy, Element>(kept->data(), shape, owner)));
 }
 
+/// The same of one axis.
+template <class Element>
+Array Owned(std::vector<Element> elements)
+{
+  const std::size_t count = elements.size();
+  return Owned(std::move(elements), {count});
+}
+
+/// An array whose elements `fill(first)` puts one after the other, while other threads of Python run.
+template <class Element, class Fill>
+Array Filled(std::initializer_list<std::size_t> shape, const Fill& fill)
+{
+  std::vector<Element> elements(std::accumulate(shape.begin(), shape.end(), std::size_t(1), std::multiplies<>()));
+  {
+    const nb::gil_scoped_release others;
+    fill(elements.data());
+  }
+  return Owned(std::move(elements), shape);
+}
+
+/// The picture [height, width] that `draw(plane, pixels)` makes of a plane, while other threads of Python run.
+template <class Pixel, class Draw>
+Array PictureAt(const Eigen::Matrix4d& imageToWorld, int width, int height, const Draw& draw)
+{
+  const SlicePlane plane = SlicePlane::FromImageToReference(imageToWorld, width, height);
+  plane.Validate("slice plane");
+  return Filled<Pixel>({static_cast<std::size_t>(height), static_cast<std::size_t>(width)},
+                       [&](Pixel* pixels) { draw(plane, pixels); });
+}
+
+inline void Put(nb::dict&) {}
+template <class Value, class... More>
+void Put(nb::dict& dict, const char* name, Value&& value, More&&... more)
+{
+  dict[name] = std::forward<Value>(value);
+  Put(dict, std::forward<More>(more)...);
+}
+
+/// A dictionary of names and values, given one after the other.
+template <class... Entries>
+nb::dict Dict(Entries&&... entries)
+{
+  nb::dict dict;
+  Put(dict, std::forward<Entries>(entries)...);
+  return dict;
+}
+
 /// Throws ValueError unless the array has this shape; -1 stands for any number.
 template <class Array>
 void RequireShape(const Array& array, std::initializer_list<std::int64_t> shape, const std::string& what)
@@ -92,6 +141,18 @@ inline Eigen::Matrix4d MatrixAt(const double* rowMajor)
   return Eigen::Map<const Eigen::Matrix<double, 4, 4, Eigen::RowMajor>>(rowMajor);
 }
 
+/// The numbers of matrices, one after the other.
+inline std::vector<double> RowByRow(const std::vector<Eigen::Matrix4d>& matrices)
+{
+  std::vector<double> numbers;
+  for (const Eigen::Matrix4d& matrix : matrices)
+  {
+    const Eigen::Matrix<double, 4, 4, Eigen::RowMajor> rows = matrix;
+    numbers.insert(numbers.end(), rows.data(), rows.data() + 16);
+  }
+  return numbers;
+}
+
 /// Text of a file, of which bytes may be wrong: Python's text must be UTF-8.
 inline nb::str ToText(const std::string& text)
 {
@@ -108,20 +169,7 @@ inline nb::list ToTexts(const std::vector<std::string>& lines)
   return texts;
 }
 
-/// A field as Python has it.
-struct Field : GaussianField
-{
-  Field() = default;
-  Field(GaussianField field, std::vector<std::string> lines = {}, std::string kept = {})
-      : GaussianField(std::move(field)), provenance(std::move(lines)), standardError(std::move(kept))
-  {
-  }
-
-  std::vector<std::string> provenance;  ///< where it comes from: key=value
-  std::string standardError;            ///< what its standard error rests on (Core/StandardError), as bytes
-  std::optional<ViewDependence> view;   ///< what it knows of directions
-  std::optional<FieldLabels> labels;
-};
+using Field = StoredField;  // as Python has it
 
 /// The field without digits that no picture shows.
 Field Rounded(Field field);

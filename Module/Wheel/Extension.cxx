@@ -61,6 +61,6 @@ NB_MODULE(_core, m)
   m.def("missing_engines", &bigus::Engine::Missing, "Pairs of an engine that cannot be used here, and why.");
   m.def("instruction_sets", &bigus::InstructionSets,
         "Instruction sets of this processor that are compiled in; the first is in use.");
-  m.def("use_instruction_set", &bigus::UseInstructionSet, nb::arg("name"),
+  m.def("use_instruction_set", &bigus::UseInstructionSet, "name"_a,
         "No better one is used from now on. Call it before anything is trained or rendered.");
 }

@@ -15,12 +15,18 @@ namespace
 {
 
 /// A view of vectors that lie one after another; they stay where they are, since a field's size does not change.
-template <int Rows>
-Array RowsOf(nb::handle self, std::vector<Eigen::Matrix<double, Rows, 1>> GaussianField::*member)
+template <class Vectors>
+Array RowsOf(Vectors& vectors, nb::handle self)
 {
-  auto& vectors = nb::cast<Field&>(self).*member;
-  static_assert(sizeof(vectors[0]) == Rows * sizeof(double), "numpy sees them as one array");
-  return View(reinterpret_cast<double*>(vectors.data()), {vectors.size(), std::size_t(Rows)}, self);
+  constexpr std::size_t kRows = Vectors::value_type::RowsAtCompileTime;
+  static_assert(sizeof(vectors[0]) == kRows * sizeof(double), "numpy sees them as one array");
+  return View(reinterpret_cast<double*>(vectors.data()), {vectors.size(), kRows}, self);
+}
+
+template <auto Member>
+Array ArrayOf(nb::handle self)
+{
+  return RowsOf(nb::cast<Field&>(self).field.*Member, self);
 }
 
 template <int Rows>
@@ -43,7 +49,8 @@ Field Make(const InputDoubles& centers, const InputDoubles& scales, const InputD
   RequireShape(rotations, {n, 4}, "rotations");
   RequireShape(reflectivities, {n}, "reflectivities");
   RequireShape(normals, {-1, 3}, "trained_normals");
-  Field field;
+  Field made;
+  GaussianField& field = made.field;
   field.Resize(static_cast<std::size_t>(n));
   Copy(centers, field.means);
   Copy(scales, field.scales);
@@ -54,7 +61,7 @@ Field Make(const InputDoubles& centers, const InputDoubles& scales, const InputD
   field.beam.probeElevationSigma = probeElevationSigma;
   Copy(normals, field.beam.trainedNormals);
   field.Validate();
-  return field;
+  return made;
 }
 
 template <class Rows>
@@ -78,10 +85,10 @@ nb::object ViewOf(const Field& field)
     return nb::none();
   }
   const RecordedViews& views = field.view->views;
-  const std::vector<Eigen::Matrix<double, 3, 3, Eigen::RowMajor>> mean = {views.mean};
-  const std::vector<Eigen::Matrix<double, 4, 4, Eigen::RowMajor>> poses(views.poses.begin(), views.poses.end());
-  const std::vector<Eigen::Vector3d> steps = {{views.unit, views.angleStep, views.elevationStep}};
-  return nb::make_tuple(Stacked(field.view->terms, 3), Stacked(mean, 9), Stacked(steps, 3), Stacked(poses, 16));
+  const Eigen::Matrix<double, 3, 3, Eigen::RowMajor> mean = views.mean;
+  return nb::make_tuple(Stacked(field.view->terms, 3), Owned(std::vector<double>(mean.data(), mean.data() + 9), {1, 9}),
+                        Owned(std::vector<double>{views.unit, views.angleStep, views.elevationStep}, {1, 3}),
+                        Owned(RowByRow(views.poses), {views.poses.size(), 16}));
 }
 
 void SetView(Field& field, const std::optional<ViewArrays>& given)
@@ -90,19 +97,19 @@ void SetView(Field& field, const std::optional<ViewArrays>& given)
   if (given)
   {
     const auto& [terms, mean, steps, poses] = *given;
-    RequireShape(terms, {static_cast<std::int64_t>(field.Size()), 3}, "ViewTerm");
+    RequireShape(terms, {static_cast<std::int64_t>(field.field.Size()), 3}, "ViewTerm");
     RequireShape(mean, {1, 9}, "ViewMean");
     RequireShape(steps, {1, 3}, "ViewSteps");
     RequireShape(poses, {-1, 16}, "ViewPoses");
     const auto rotation = Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(mean.data());
     view = ViewDependence{{rotation, steps.data()[0], steps.data()[1], steps.data()[2], {}},
-                          std::vector<Eigen::Vector3d>(field.Size())};
+                          std::vector<Eigen::Vector3d>(field.field.Size())};
     Copy(terms, view->terms);
     for (std::size_t k = 0; k < poses.shape(0); ++k)
     {
       view->views.poses.push_back(MatrixAt(poses.data() + 16 * k));
     }
-    view->Validate(field.Size());
+    view->Validate(field.field.Size());
   }
   field.view = std::move(view);
 }
@@ -128,7 +135,7 @@ nb::object LabelsOf(const Field& field)
   }
   const std::size_t count = names.size();
   return nb::make_tuple(ToTexts(names), Owned(std::move(values), {count}), Stacked(colors, 3),
-                        Owned(all.weights, {field.Size() + all.points.size(), count}), Stacked(all.points, 4));
+                        Owned(all.weights, {field.field.Size() + all.points.size(), count}), Stacked(all.points, 4));
 }
 
 void SetLabels(Field& field, const std::optional<LabelArrays>& given)
@@ -141,7 +148,7 @@ void SetLabels(Field& field, const std::optional<LabelArrays>& given)
     RequireShape(values, {count}, "LabelValues");
     RequireShape(colors, {count, 3}, "LabelColors");
     RequireShape(points, {-1, 4}, "LabelPoints");
-    RequireShape(weights, {static_cast<std::int64_t>(field.Size() + points.shape(0)), count}, "LabelWeight");
+    RequireShape(weights, {static_cast<std::int64_t>(field.field.Size() + points.shape(0)), count}, "LabelWeight");
     labels.emplace();
     for (std::size_t k = 0; k < names.size(); ++k)
     {
@@ -151,16 +158,54 @@ void SetLabels(Field& field, const std::optional<LabelArrays>& given)
     }
     labels->weights.assign(weights.data(), weights.data() + weights.size());
     Copy(points, labels->points);
-    labels->Validate(field.Size());
+    labels->Validate(field.field.Size());
   }
   field.labels = std::move(labels);
+}
+
+Field Moved(const Field& field, const Eigen::Matrix4d& transform)
+{
+  const auto moved = [&transform](const auto& part)
+  { return part ? std::optional(Transformed(*part, transform)) : std::nullopt; };
+  return {Transformed(field.field, transform), field.provenance, {}, {}, moved(field.view), moved(field.labels)};
+}
+
+/// One process's part: (field, its first chunk, Gaussians of each chunk).
+nb::tuple Part(const Field& field, int total, int piece, int pieces)
+{
+  RequirePartition(total, piece, pieces);
+  FieldChunks chunks = ChunksOfPiece(total, piece, pieces);
+  Field part{PartOf(field.field, chunks), field.provenance, {}};
+  part.view = field.view ? std::optional(PartOf(*field.view, chunks)) : std::nullopt;
+  return nb::make_tuple(std::move(part), chunks.first, chunks.sizes);
+}
+
+std::map<int, std::string> NamesOfLabels(const Field& field)
+{
+  std::map<int, std::string> names;
+  for (const Label& label : field.labels ? field.labels->labels : std::vector<Label>())
+  {
+    names[label.value] = label.name;
+  }
+  return names;
+}
+
+/// What VTK's array must be, for vtkdata.py; shapes are (components, tuples).
+void RequireArray(const std::string& owner, const std::string& name,
+                  const std::optional<std::pair<int, std::int64_t>>& found, const std::pair<int, std::int64_t>& needed)
+{
+  if (!found)
+  {
+    throw MissingArray(owner, name, needed.first, needed.second);
+  }
+  RequireArrayShape(owner, name, found->first, found->second, needed.first, needed.second);
 }
 
 }  // namespace
 
 Field Rounded(Field field)
 {
-  RoundField(field);
+  RoundField(field.field);
   if (field.view)
   {
     RoundView(*field.view);
@@ -175,45 +220,37 @@ void BindField(nb::module_& m)
                     "R^T. The arrays are views: what is written to them changes the field, and using a field "
                     "checks it. They keep it alive.")
       .def(nb::init<>())
-      .def_static("make", &Make, nb::arg("centers"), nb::arg("scales"), nb::arg("rotations"), nb::arg("reflectivities"),
-                  nb::arg("gamma"), nb::arg("elevation_sigma"), nb::arg("probe_elevation_sigma"),
-                  nb::arg("trained_normals"), "What bigus.field() calls, with every argument.")
-      .def_prop_ro(
-          "centers", [](nb::handle self) { return RowsOf(self, &GaussianField::means); },
-          "mu: float64 [n, 3], mm, world frame.")
-      .def_prop_ro(
-          "scales", [](nb::handle self) { return RowsOf(self, &GaussianField::scales); },
-          "s: float64 [n, 3], standard deviations along the Gaussian's own axes, mm, above 0.")
-      .def_prop_ro(
-          "rotations", [](nb::handle self) { return RowsOf(self, &GaussianField::rotations); },
-          "Quaternions w, x, y, z: float64 [n, 4], of any length but 0.")
+      .def_static("make", &Make, "centers"_a, "scales"_a, "rotations"_a, "reflectivities"_a, "gamma"_a,
+                  "elevation_sigma"_a, "probe_elevation_sigma"_a, "trained_normals"_a,
+                  "What bigus.field() calls, with every argument.")
+      .def_prop_ro("centers", &ArrayOf<&GaussianField::means>, "mu: float64 [n, 3], mm, world frame.")
+      .def_prop_ro("scales", &ArrayOf<&GaussianField::scales>,
+                   "s: float64 [n, 3], standard deviations along the Gaussian's own axes, mm, above 0.")
+      .def_prop_ro("rotations", &ArrayOf<&GaussianField::rotations>,
+                   "Quaternions w, x, y, z: float64 [n, 4], of any length but 0.")
       .def_prop_ro(
           "reflectivities",
           [](nb::handle self)
           {
-            auto& r = nb::cast<Field&>(self).reflectivities;
+            auto& r = nb::cast<Field&>(self).field.reflectivities;
             return View(r.data(), {r.size()}, self);
           },
           "r: float64 [n], signed.")
       .def_prop_rw(
-          "gamma", [](const Field& f) { return f.transfer.gamma; },
-          [](Field& f, double value) { f.transfer.gamma = value; },
+          "gamma", [](const Field& f) { return f.field.transfer.gamma; },
+          [](Field& f, double value) { f.field.transfer.gamma = value; },
           "Of the display I = 1 - exp(-gamma max(S, 0)); above 0.")
       .def_prop_rw(
-          "elevation_sigma", [](const Field& f) { return f.beam.elevationSigma; },
-          [](Field& f, double value) { f.beam.elevationSigma = value; },
+          "elevation_sigma", [](const Field& f) { return f.field.beam.elevationSigma; },
+          [](Field& f, double value) { f.field.beam.elevationSigma = value; },
           "Thickness of the planes trained on, standard deviation, mm; 0 is a thin plane.")
       .def_prop_rw(
-          "probe_elevation_sigma", [](const Field& f) { return f.beam.probeElevationSigma; },
-          [](Field& f, double value) { f.beam.probeElevationSigma = value; },
+          "probe_elevation_sigma", [](const Field& f) { return f.field.beam.probeElevationSigma; },
+          [](Field& f, double value) { f.field.beam.probeElevationSigma = value; },
           "Thickness of the probe's beam, standard deviation, mm; 0 where it is not known.")
       .def_prop_ro(
           "trained_normals",
-          [](nb::handle self)
-          {
-            auto& normals = nb::cast<Field&>(self).beam.trainedNormals;
-            return View(reinterpret_cast<double*>(normals.data()), {normals.size(), 3}, self);
-          },
+          [](nb::handle self) { return RowsOf(nb::cast<Field&>(self).field.beam.trainedNormals, self); },
           "Unit normals that stand for the planes trained on: float64 [k, 3].")
       .def_prop_rw(
           "provenance", [](const Field& f) { return ToTexts(f.provenance); },
@@ -223,80 +260,35 @@ void BindField(nb::module_& m)
           "kept_error", [](const Field& f) { return nb::bytes(f.standardError.data(), f.standardError.size()); },
           [](Field& f, const nb::bytes& kept) { f.standardError.assign(kept.c_str(), kept.size()); },
           "What bigus.standard_error rests on, as training leaves it: bytes, which .vtp files keep; empty: nothing.")
-      .def_prop_ro(
-          "labels",
-          [](const Field& f)
-          {
-            std::map<int, std::string> names;
-            for (const Label& label : f.labels ? f.labels->labels : std::vector<Label>())
-            {
-              names[label.value] = label.name;
-            }
-            return names;
-          },
-          "Names of the labels that bigus.label gave it, by their values; empty: none.")
+      .def_prop_ro("labels", &NamesOfLabels,
+                   "Names of the labels that bigus.label gave it, by their values; empty: none.")
       .def_prop_rw("view_arrays", &ViewOf, &SetView, nb::arg().none())
       .def_prop_rw("label_arrays", &LabelsOf, &SetLabels, nb::arg().none())
       .def(
-          "validate", [](const Field& field) { field.Validate(); },
+          "validate", [](const Field& f) { f.field.Validate(); },
           "Raises Error naming the array, the index and the value, unless all is sound.")
       .def(
-          "transformed",
-          [](const Field& field, const InputDoubles& matrix)
-          {
-            RequireShape(matrix, {4, 4}, "the transform");
-            const Eigen::Matrix4d transform = MatrixAt(matrix.data());
-            Field moved(Transformed(field, transform), field.provenance);
-            moved.view = field.view ? std::optional(Transformed(*field.view, transform)) : std::nullopt;
-            moved.labels = field.labels ? std::optional(Transformed(*field.labels, transform)) : std::nullopt;
-            return moved;
-          },
-          nb::arg("matrix"),
+          "transformed", &Moved, "matrix"_a,
           "The field in other coordinates: matrix, float64 [4, 4], turns, mirrors, scales evenly and moves (mm). Raises "
           "Error for one that does anything else.")
-      .def(
-          "part",
-          [](const Field& field, int total, int piece, int pieces)
-          {
-            RequirePartition(total, piece, pieces);
-            FieldChunks chunks = ChunksOfPiece(total, piece, pieces);
-            Field part(PartOf(field, chunks), field.provenance);
-            part.view = field.view ? std::optional(PartOf(*field.view, chunks)) : std::nullopt;
-            return nb::make_tuple(std::move(part), chunks.first, chunks.sizes);
-          },
-          nb::arg("chunks"), nb::arg("piece"), nb::arg("pieces"),
-          "One process's part of the field, split into so many chunks: (field, its first chunk, Gaussians of each chunk).")
+      .def("part", &Part, "chunks"_a, "piece"_a, "pieces"_a,
+           "One process's part of the field, split into so many chunks: (field, its first chunk, Gaussians of each "
+           "chunk).")
       .def("rounded", &Rounded, "The field without digits that no picture shows, as files have it.")
-      .def("__len__", [](const Field& field) { return field.Size(); })
-      .def("__copy__", [](const Field& field) { return Field(field); })
+      .def("__len__", [](const Field& f) { return f.field.Size(); })
+      .def("__copy__", [](const Field& f) { return f; })
       .def(
-          "__deepcopy__", [](const Field& field, nb::handle) { return Field(field); }, nb::arg("memo"))
+          "__deepcopy__", [](const Field& f, nb::handle) { return f; }, "memo"_a)
       .def("__repr__",
-           [](const Field& field) { return "<bigus.Field of " + std::to_string(field.Size()) + " Gaussians>"; });
-  m.def(
-      "transform_text",
-      [](const std::string& before, const InputDoubles& matrix)
-      { return TransformText(before, MatrixAt(matrix.data())); },
-      nb::arg("before"), nb::arg("matrix"));
-  m.def("refuse_transform", &RefuseTransform, nb::arg("property"), nb::arg("kind"), nb::arg("what"));
-  // What VTK's arrays must be, for vtkdata.py; shapes are (components, tuples).
-  using Shape = std::pair<int, std::int64_t>;
+           [](const Field& f) { return "<bigus.Field of " + std::to_string(f.field.Size()) + " Gaussians>"; });
+  m.def("transform_text", &TransformText, "before"_a, "matrix"_a);
+  m.def("refuse_transform", &RefuseTransform, "property"_a, "kind"_a, "what"_a);
   m.attr("format_version") = kFieldFormatVersion;
-  m.def("require_format_version", &RequireFieldFormatVersion, nb::arg("owner"), nb::arg("version"));
   m.attr("view_version") = kViewVersion;
-  m.def("require_view_version", &RequireViewVersion, nb::arg("owner"), nb::arg("version"));
-  m.def("require_few_normals", &RequireFewTrainedNormals, nb::arg("owner"), nb::arg("normals"));
-  m.def(
-      "require_array",
-      [](const std::string& owner, const std::string& name, const std::optional<Shape>& found, const Shape& needed)
-      {
-        if (!found)
-        {
-          throw MissingArray(owner, name, needed.first, needed.second);
-        }
-        RequireArrayShape(owner, name, found->first, found->second, needed.first, needed.second);
-      },
-      nb::arg("owner"), nb::arg("name"), nb::arg("found").none(), nb::arg("needed"));
+  m.def("require_format_version", &RequireFieldFormatVersion, "owner"_a, "version"_a);
+  m.def("require_view_version", &RequireViewVersion, "owner"_a, "version"_a);
+  m.def("require_few_normals", &RequireFewTrainedNormals, "owner"_a, "normals"_a);
+  m.def("require_array", &RequireArray, "owner"_a, "name"_a, "found"_a.none(), "needed"_a);
 }
 
 }  // namespace bigus

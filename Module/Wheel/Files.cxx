@@ -13,7 +13,6 @@
 #include "Core/Model/PixelMemory.h"
 #include "Core/Model/SlicePlane.h"
 #include "Core/Model/Sweep.h"
-#include "IO/FieldFile.h"
 #include "IO/FrameGeometry.h"
 #include "IO/PlaneFile.h"
 #include "IO/SequenceFrames.h"
@@ -46,17 +45,34 @@ void WorkAlone(const Work& work)
   }
 }
 
-PoseOptions PoseOptionsOf(const std::string& config, const std::string& from, const std::string& to,
-                          const std::array<double, 2>& spacing, bool assumeOk, bool allowReflected)
+/// A setting by its name in settings.py.
+template <class Value>
+Value Given(const nb::kwargs& settings, const char* name)
 {
-  PoseOptions options;
-  options.imageSpacing = spacing;
-  options.configFileName = config;
-  options.fromFrame = from;
-  options.toFrame = to;
-  options.assumeMissingStatusOK = assumeOk;
-  options.allowReflectedPoses = allowReflected;
-  return options;
+  return nb::cast<Value>(settings[name]);
+}
+
+PoseOptions PoseOptionsOf(const nb::kwargs& settings)
+{
+  return {Given<std::string>(settings, "FromFrame"),      Given<std::string>(settings, "ToFrame"),
+          Given<std::string>(settings, "ConfigFileName"), Given<std::array<double, 2>>(settings, "ImageSpacing"),
+          Given<bool>(settings, "AssumeMissingStatusOK"), Given<bool>(settings, "AllowReflectedPoses")};
+}
+
+Clip ClipOf(const nb::kwargs& settings)
+{
+  const int mode = Given<int>(settings, "ClipMode");
+  const auto rectangle = Given<std::array<int, 4>>(settings, "ClipRectangle");
+  const auto apex = Given<std::array<double, 2>>(settings, "FanApex");
+  const auto radii = Given<std::array<double, 2>>(settings, "FanRadii");
+  const auto angles = Given<std::array<double, 2>>(settings, "FanAngles");
+  return {mode == 1   ? Clip::Shape::Rectangle
+          : mode == 2 ? Clip::Shape::Fan
+                      : Clip::Shape::None,
+          {rectangle[0], rectangle[1], rectangle[2], rectangle[3]},
+          {apex[0], apex[1]},
+          {radii[0], radii[1]},
+          {angles[0], angles[1]}};
 }
 
 template <class Pixel>
@@ -68,131 +84,140 @@ Array PixelsOf(const std::shared_ptr<unsigned char>& bytes, const SequenceFile& 
               {frames, static_cast<std::size_t>(file.height), static_cast<std::size_t>(file.width)}, owner);
 }
 
-/// A sequence as it is in the file, with what is known of it: see files.py.
-nb::dict ReadSequence(const std::string& path, const std::string& config, const std::string& from,
-                      const std::string& to, const std::array<double, 2>& spacing, bool assumeOk, bool allowReflected,
-                      const std::string& imageFolder, const std::string& imagePattern, double pixelRange, bool autoMask,
-                      int clipMode, const std::array<int, 4>& rectangle, const std::array<double, 2>& apex,
-                      const std::array<double, 2>& radii, const std::array<double, 2>& angles, bool keepRejected,
-                      bool requirePoses)
+/// What was read of a sequence.
+struct ReadFile
 {
   SequenceFile file;
   PoseTable poses;
-  std::vector<int> frames;
+  std::vector<int> frames;  // that are kept
   std::shared_ptr<unsigned char> bytes;
-  std::vector<unsigned char> shape;
+  std::vector<unsigned char> shape;  // of the clip; empty: none
   ReadPixels read;
+};
+
+ReadFile Read(const std::string& path, const PoseOptions& options, const ImageOptions& images, const Clip& clip,
+              bool keepsRejected, double pixelRange)
+{
+  ReadFile found;
   WorkAlone(
       [&](const std::function<bool(double)>& goOn)
       {
-        ImageOptions images;
-        images.folder = imageFolder;
-        images.pattern = imagePattern;
-        images.plain = !requirePoses;
+        SequenceFile& file = found.file;
         file = ReadSequenceFile(path, images);
-        PoseOptions options = PoseOptionsOf(config, from, to, spacing, assumeOk, allowReflected);
-        options.required = requirePoses;
-        ResolvePoses(file, options, poses);
-        poses.RequireFrames(path);
-        Clip clip;
-        clip.shape = clipMode == 1 ? Clip::Shape::Rectangle : clipMode == 2 ? Clip::Shape::Fan : Clip::Shape::None;
-        std::copy(rectangle.begin(), rectangle.end(), clip.rectangle);
-        std::copy(apex.begin(), apex.end(), clip.apex);
-        std::copy(radii.begin(), radii.end(), clip.radii);
-        std::copy(angles.begin(), angles.end(), clip.angles);
-        shape = ClipMask(file, clip);
-        for (std::size_t k = 0; k < poses.frames.size(); ++k)
+        ResolvePoses(file, options, found.poses);
+        found.poses.RequireFrames(path);
+        found.shape = ClipMask(file, clip);
+        for (std::size_t k = 0; k < found.poses.frames.size(); ++k)
         {
-          if (keepRejected || poses.frames[k].accepted)
+          if (keepsRejected || found.poses.frames[k].accepted)
           {
-            frames.push_back(static_cast<int>(k));
+            found.frames.push_back(static_cast<int>(k));
           }
         }
-        bytes = AllocatePixels<unsigned char>(static_cast<std::size_t>(file.FrameBytes()) * frames.size());
-        ReadFrames(file, poses, frames, shape, std::max(0.0, pixelRange), goOn, bytes.get(), read);
+        const std::size_t size = static_cast<std::size_t>(file.FrameBytes()) * found.frames.size();
+        found.bytes = AllocatePixels<unsigned char>(size);
+        ReadFrames(file, found.poses, found.frames, found.shape, std::max(0.0, pixelRange), goOn, found.bytes.get(),
+                   found.read);
       });
+  return found;
+}
 
-  const std::size_t n = frames.size();
-  std::vector<Eigen::Matrix4d> matrices;
-  std::vector<double> times;
-  std::vector<std::uint8_t> status;
-  bool allTimed = true;
-  for (const int frame : frames)
-  {
-    const auto k = static_cast<std::size_t>(frame);
-    matrices.push_back(poses.frames[k].imageToReference);
-    times.push_back(poses.timestamps[k]);
-    status.push_back(poses.frames[k].accepted);
-    allTimed = allTimed && std::isfinite(poses.timestamps[k]);
-  }
+std::vector<std::string> WarningsOf(const std::string& path, const std::string& from, const ReadFile& found)
+{
+  const PoseTable& poses = found.poses;
+  const std::string cropped = poses.CroppedFrame(from);
   std::vector<std::string> warnings;
-  if (const std::string cropped = poses.CroppedFrame(from); !cropped.empty())
+  for (const std::string& warning : {cropped.empty() ? cropped : CroppedFrameWarning(path, from, cropped),
+                                     poses.NumberOfMadeAxes() > 0 ? MadeAxesWarning(path, poses) : std::string(),
+                                     found.file.timesNote, SpacingDoubt(found.file, poses),
+                                     found.read.usedBits > 0 ? UsedBitsWarning(found.file, found.read) : std::string()})
   {
-    warnings.push_back(CroppedFrameWarning(path, from, cropped));
+    if (!warning.empty())
+    {
+      warnings.push_back(warning);
+    }
   }
-  if (poses.NumberOfMadeAxes() > 0)
-  {
-    warnings.push_back(MadeAxesWarning(path, poses));
-  }
-  if (!file.timesNote.empty())
-  {
-    warnings.push_back(file.timesNote);
-  }
-  const std::string spacingDoubt = SpacingDoubt(file, poses);
-  if (!spacingDoubt.empty())
-  {
-    warnings.push_back(spacingDoubt);
-  }
-  if (read.usedBits > 0)
-  {
-    warnings.push_back(UsedBitsWarning(file, read));
-  }
-  nb::list transforms;
+  return warnings;
+}
+
+/// The times of frames; none unless all have one.
+std::optional<Array> TimesOf(std::vector<double> times)
+{
+  const bool areAll = std::all_of(times.begin(), times.end(), [](double time) { return std::isfinite(time); });
+  return areAll ? std::optional(Owned(std::move(times))) : std::nullopt;
+}
+
+/// What a filter tells of a sequence besides its arrays.
+void PutFacts(nb::dict& answer, const ReadFile& found)
+{
+  const auto& [file, poses, frames, bytes, shape, read] = found;
+  nb::list transforms, rejections;
   for (const TransformName& transform : poses.transforms)
   {
     transforms.append(nb::make_tuple(ToText(transform.Name()), transform.source));
   }
-  nb::list rejections;
   for (const Rejection& rejection : poses.rejections)
   {
     rejections.append(nb::make_tuple(ToText(rejection.reason), rejection.frames));
   }
-  const auto h = static_cast<std::size_t>(file.height), w = static_cast<std::size_t>(file.width);
-  nb::dict found;
-  found["pixels"] = file.elementType == ElementType::UInt8    ? PixelsOf<std::uint8_t>(bytes, file, n)
-                    : file.elementType == ElementType::UInt16 ? PixelsOf<std::uint16_t>(bytes, file, n)
-                                                              : PixelsOf<float>(bytes, file, n);
-  found["poses"] = poses.chain.empty() ? nb::none() : nb::object(PosesToArray(matrices));
-  found["timestamps"] = allTimed ? nb::object(Owned(std::move(times), {n})) : nb::none();
-  found["status"] = Owned(std::move(status), {n});
-  found["source_frames"] = Owned(std::vector<std::int32_t>(frames.begin(), frames.end()), {n});
-  found["mask"] = autoMask         ? nb::object(Owned(std::move(read.lit), {h, w}))
-                  : !shape.empty() ? nb::object(Owned(std::move(shape), {h, w}))
-                                   : nb::none();
-  found["warnings"] = ToTexts(warnings);
-  found["frames_in_file"] = poses.frames.size();
-  found["accepted_frames"] = poses.NumberOfAcceptedFrames();
-  found["rejections"] = rejections;
-  found["rejection_summary"] = ToText(poses.RejectionSummary());
-  found["transforms"] = transforms;
-  found["transform_chain"] = ToText(poses.chain);
-  found["format"] = ToText(file.format);
-  found["encoding"] = NameOf(file.encoding);
-  found["element_type"] = file.PixelType();
-  found["orientation"] = ToText(file.orientation);
-  found["spacing_doubt"] = ToText(spacingDoubt);
-  found["used_pixel_range"] = read.usedRange;
-  found["made_axes"] = poses.NumberOfMadeAxes();
   const FrameGeometry geometry = poses.chain.empty() ? FrameGeometry() : MeasureFrames(file, poses.frames);
   const auto& [i, j] = geometry.pixelSize;
   const SweepGeometry& planes = geometry.planes;
-  found["frame_size"] = nb::make_tuple(w, h);
-  found["pixel_size"] = nb::make_tuple(i, j);
-  found["plane_spacing"] = nb::make_tuple(planes.smallestSpacing, planes.usualSpacing, planes.largestSpacing);
-  found["path_length"] = geometry.pathLength;
   const auto& b = geometry.bounds;
-  found["bounds"] = nb::make_tuple(b[0], b[1], b[2], b[3], b[4], b[5]);
-  return found;
+  Put(answer, "frames_in_file", poses.frames.size(), "accepted_frames", poses.NumberOfAcceptedFrames(), "rejections",
+      rejections, "rejection_summary", ToText(poses.RejectionSummary()), "transforms", transforms, "transform_chain",
+      ToText(poses.chain), "format", ToText(file.format), "encoding", NameOf(file.encoding), "element_type",
+      file.PixelType(), "orientation", ToText(file.orientation), "spacing_doubt", ToText(SpacingDoubt(file, poses)),
+      "used_pixel_range", read.usedRange, "made_axes", poses.NumberOfMadeAxes(), "frame_size",
+      nb::make_tuple(file.width, file.height), "pixel_size", nb::make_tuple(i, j), "plane_spacing",
+      nb::make_tuple(planes.smallestSpacing, planes.usualSpacing, planes.largestSpacing), "path_length",
+      geometry.pathLength, "bounds", nb::make_tuple(b[0], b[1], b[2], b[3], b[4], b[5]));
+}
+
+/// A sequence as it is in the file, with what is known of it: see files.py.
+nb::dict ReadSequence(const std::string& path, const nb::kwargs& settings)
+{
+  const bool requirePoses = Given<bool>(settings, "RequirePoses");
+  ImageOptions images;
+  images.folder = Given<std::string>(settings, "ImageFolder");
+  images.pattern = Given<std::string>(settings, "ImagePattern");
+  images.plain = !requirePoses;
+  PoseOptions options = PoseOptionsOf(settings);
+  options.required = requirePoses;
+  ReadFile found = Read(path, options, images, ClipOf(settings), Given<bool>(settings, "KeepRejectedFrames"),
+                        Given<double>(settings, "PixelRange"));
+  const SequenceFile& file = found.file;
+  const std::size_t n = found.frames.size();
+  std::vector<Eigen::Matrix4d> matrices;
+  std::vector<double> times;
+  std::vector<std::uint8_t> status;
+  for (const int frame : found.frames)
+  {
+    const FramePose& pose = found.poses.frames[static_cast<std::size_t>(frame)];
+    matrices.push_back(pose.imageToReference);
+    times.push_back(found.poses.timestamps[static_cast<std::size_t>(frame)]);
+    status.push_back(pose.accepted);
+  }
+  const bool isMasked = Given<bool>(settings, "AutoMask") || !found.shape.empty();
+  const std::vector<unsigned char>& mask = Given<bool>(settings, "AutoMask") ? found.read.lit : found.shape;
+  const auto h = static_cast<std::size_t>(file.height), w = static_cast<std::size_t>(file.width);
+  nb::dict answer = Dict("pixels",
+                         file.elementType == ElementType::UInt8    ? PixelsOf<std::uint8_t>(found.bytes, file, n)
+                         : file.elementType == ElementType::UInt16 ? PixelsOf<std::uint16_t>(found.bytes, file, n)
+                                                                   : PixelsOf<float>(found.bytes, file, n),
+                         "poses", found.poses.chain.empty() ? std::nullopt : std::optional(PosesToArray(matrices)),
+                         "timestamps", TimesOf(std::move(times)), "status", Owned(std::move(status)), "source_frames",
+                         Owned(std::vector<std::int32_t>(found.frames.begin(), found.frames.end())), "mask",
+                         isMasked ? std::optional(Owned(mask, {h, w})) : std::nullopt, "warnings",
+                         ToTexts(WarningsOf(path, options.fromFrame, found)));
+  PutFacts(answer, found);
+  return answer;
+}
+
+void Write(SequenceToWrite sequence, const std::vector<Eigen::Matrix4d>& poses, const std::string& path)
+{
+  sequence.imageToReference = RowByRow(poses);
+  WorkAlone([&](const std::function<bool(double)>& goOn) { WriteSequence(sequence, path, goOn); });
 }
 
 void WriteSweep(const Sweep& sweep, const std::string& path, const std::string& from, const std::string& to,
@@ -207,14 +232,7 @@ void WriteSweep(const Sweep& sweep, const std::string& path, const std::string& 
   sequence.fromFrame = from;
   sequence.toFrame = to;
   sequence.compression = compression;
-  for (const Eigen::Matrix4d& pose : sweep.imageToReference)
-  {
-    for (int k = 0; k < 16; ++k)
-    {
-      sequence.imageToReference.push_back(pose(k / 4, k % 4));
-    }
-  }
-  WorkAlone([&](const std::function<bool(double)>& goOn) { WriteSequence(sequence, path, goOn); });
+  Write(std::move(sequence), sweep.imageToReference, path);
 }
 
 /// Images [n, height, width] of any values, NaN too, at their planes [n, 4, 4].
@@ -230,32 +248,13 @@ void WriteImages(const InputFloats& images, const InputDoubles& planes, std::opt
   sequence.elementType = ElementType::Float32;
   sequence.pixels = images.data();
   sequence.timestamps = std::move(timestamps).value_or(std::vector<double>());
+  std::vector<Eigen::Matrix4d> poses;  // with the third column, bit for bit, that 'bigus slice' writes
   for (std::int64_t k = 0; k < count; ++k)
   {
-    const Eigen::Matrix4d pose =
-        SlicePlane::FromImageToReference(MatrixAt(planes.data() + 16 * k), sequence.width, sequence.height)
-            .ImageToReference();  // with the third column, bit for bit, that 'bigus slice' writes
-    for (int e = 0; e < 16; ++e)
-    {
-      sequence.imageToReference.push_back(pose(e / 4, e % 4));
-    }
+    const Eigen::Matrix4d plane = MatrixAt(planes.data() + 16 * k);
+    poses.push_back(SlicePlane::FromImageToReference(plane, sequence.width, sequence.height).ImageToReference());
   }
-  WorkAlone([&](const std::function<bool(double)>& goOn) { WriteSequence(sequence, path, goOn); });
-}
-
-/// Nothing for a .vtp in another encoding than ours.
-std::optional<Field> ReadStoredField(const std::string& path)
-{
-  const nb::gil_scoped_release others;
-  std::optional<StoredField> stored = ReadField(path);
-  if (!stored)
-  {
-    return std::nullopt;
-  }
-  Field field(std::move(stored->field), std::move(stored->provenance), std::move(stored->standardError));
-  field.view = std::move(stored->view);
-  field.labels = std::move(stored->labels);
-  return field;
+  Write(std::move(sequence), poses, path);
 }
 
 /// Returns what the file does not keep of the field.
@@ -263,89 +262,68 @@ std::vector<std::string> WriteStoredField(Field field, const std::string& path, 
 {
   const nb::gil_scoped_release others;
   RequireFieldName(path);
-  field.Validate();
+  field.field.Validate();
   if (isRounded)
   {
     field = Rounded(std::move(field));
   }
-  StoredField stored{
-      std::move(static_cast<GaussianField&>(field)), std::move(field.provenance), {}, std::move(field.standardError)};
-  stored.view = std::move(field.view);
   std::vector<std::string> leftOut;
-  if (KeepsLabels(path))
+  if (!KeepsLabels(path) && field.labels)
   {
-    stored.labels = std::move(field.labels);
-  }
-  else if (field.labels)
-  {
+    field.labels.reset();
     leftOut.emplace_back("the field's labels are");
   }
-  WriteField(stored, path);
+  WriteField(field, path);
   return leftOut;
 }
 
-nb::dict ReadSlicePlanes(const std::string& path, double spacing, bool worldIsLps, const std::string& config,
-                         const std::string& from, const std::string& to, const std::array<double, 2>& imageSpacing,
-                         bool assumeOk, bool allowReflected)
+nb::dict ReadSlicePlanes(const std::string& path, double spacing, bool worldIsLps, const nb::kwargs& settings)
 {
   PlaneFile file;
+  const PoseOptions options = PoseOptionsOf(settings);
   {
     const nb::gil_scoped_release others;
-    ReadPlanes(path, PoseOptionsOf(config, from, to, imageSpacing, assumeOk, allowReflected), spacing, worldIsLps,
-               file);
+    ReadPlanes(path, options, spacing, worldIsLps, file);
   }
   const std::size_t n = file.planes.size();
   std::vector<Eigen::Matrix4d> poses;
   std::vector<std::int32_t> sizes, sources;
   std::vector<double> times;
-  bool allTimed = true;
   for (const FilePlane& plane : file.planes)
   {
     poses.push_back(plane.imageToReference);
     sizes.insert(sizes.end(), {plane.width, plane.height});
     sources.push_back(plane.sourceFrame);
     times.push_back(plane.timestamp);
-    allTimed = allTimed && std::isfinite(plane.timestamp);
   }
-  nb::dict found;
-  found["poses"] = PosesToArray(poses);
-  found["sizes"] = Owned(std::move(sizes), {n, 2});
-  found["source_frames"] = Owned(std::move(sources), {n});
-  found["timestamps"] = allTimed ? nb::object(Owned(std::move(times), {n})) : nb::none();
-  found["rejections"] = ToText(file.rejections);
-  return found;
+  return Dict("poses", PosesToArray(poses), "sizes", Owned(std::move(sizes), {n, 2}), "source_frames",
+              Owned(std::move(sources)), "timestamps", TimesOf(std::move(times)), "rejections",
+              ToText(file.rejections));
+}
+
+std::pair<double, double> HeaderSpacing(const std::string& path)
+{
+  ImageOptions images;
+  images.plain = true;
+  const SequenceFile file = ReadSequenceFile(path, images);
+  return {file.spacing[0], file.spacing[1]};
 }
 
 }  // namespace
 
 void BindFiles(nb::module_& m)
 {
-  m.def("read_sequence", &ReadSequence, nb::arg("path"), nb::arg("ConfigFileName"), nb::arg("FromFrame"),
-        nb::arg("ToFrame"), nb::arg("ImageSpacing"), nb::arg("AssumeMissingStatusOK"), nb::arg("AllowReflectedPoses"),
-        nb::arg("ImageFolder"), nb::arg("ImagePattern"), nb::arg("PixelRange"), nb::arg("AutoMask"),
-        nb::arg("ClipMode"), nb::arg("ClipRectangle"), nb::arg("FanApex"), nb::arg("FanRadii"), nb::arg("FanAngles"),
-        nb::arg("KeepRejectedFrames"), nb::arg("RequirePoses"));
+  m.def("read_sequence", &ReadSequence, "path"_a, "settings"_a);
+  m.def("header_spacing", &HeaderSpacing, "path"_a);
+  m.def("is_sequence", &IsSequence, "path"_a, "plain"_a);
+  m.def("write_sweep", &WriteSweep, "sweep"_a, "path"_a, "FromFrame"_a, "ToFrame"_a, "Compression"_a);
+  m.def("write_images", &WriteImages, "images"_a, "planes"_a, "timestamps"_a.none(), "path"_a);
+  m.def("is_field", &IsField, "path"_a);
   m.def(
-      "header_spacing",
-      [](const std::string& path)
-      {
-        ImageOptions images;
-        images.plain = true;
-        const SequenceFile file = ReadSequenceFile(path, images);
-        return std::make_pair(file.spacing[0], file.spacing[1]);
-      },
-      nb::arg("path"));
-  m.def("is_sequence", &IsSequence, nb::arg("path"), nb::arg("plain"));
-  m.def("write_sweep", &WriteSweep, nb::arg("sweep"), nb::arg("path"), nb::arg("FromFrame"), nb::arg("ToFrame"),
-        nb::arg("Compression"));
-  m.def("write_images", &WriteImages, nb::arg("images"), nb::arg("planes"), nb::arg("timestamps").none(),
-        nb::arg("path"));
-  m.def("is_field", &IsField, nb::arg("path"));
-  m.def("read_field", &ReadStoredField, nb::arg("path"));
-  m.def("write_field", &WriteStoredField, nb::arg("field"), nb::arg("path"), nb::arg("Rounding"));
-  m.def("read_planes", &ReadSlicePlanes, nb::arg("path"), nb::arg("spacing"), nb::arg("world_is_lps"),
-        nb::arg("ConfigFileName"), nb::arg("FromFrame"), nb::arg("ToFrame"), nb::arg("ImageSpacing"),
-        nb::arg("AssumeMissingStatusOK"), nb::arg("AllowReflectedPoses"));
+      "read_field", [](const std::string& path) { return ReadField(path); }, "path"_a,
+      nb::call_guard<nb::gil_scoped_release>(), "Nothing for a .vtp in another encoding than ours.");
+  m.def("write_field", &WriteStoredField, "field"_a, "path"_a, "Rounding"_a);
+  m.def("read_planes", &ReadSlicePlanes, "path"_a, "spacing"_a, "world_is_lps"_a, "settings"_a);
 }
 
 }  // namespace bigus

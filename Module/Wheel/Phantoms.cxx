@@ -44,63 +44,37 @@ nb::dict Defaults()
 }
 
 template <class Choice>
-Choice Chosen(const std::string& name, nb::handle value, const std::vector<std::string>& names)
+void Choose(Choice& choice, const std::string& name, nb::handle value, const std::vector<std::string>& names)
 {
-  const std::string text = nb::cast<std::string>(value);
-  std::string known;
-  for (std::size_t i = 0; i < names.size(); ++i)
+  const auto text = nb::cast<std::string>(value);
+  const auto found = std::find(names.begin(), names.end(), text);
+  if (found == names.end())
   {
-    if (names[i] == text)
-    {
-      return static_cast<Choice>(i);
-    }
-    known += (i ? ", " : "") + names[i];
+    throw nb::value_error(
+        (name + " is one of " + names[0] + ", " + names[1] + ", " + names[2] + ", not " + text).c_str());
   }
-  throw nb::value_error((name + " is one of " + known + ", not " + text).c_str());
+  choice = static_cast<Choice>(found - names.begin());
 }
 
-void SetVector(std::array<double, 3>& vector, const std::string& name, nb::handle value)
-{
-  const auto numbers = nb::cast<std::vector<double>>(value);
-  if (numbers.size() != vector.size())
-  {
-    throw nb::value_error((name + " has 3 numbers, not " + std::to_string(numbers.size())).c_str());
-  }
-  std::copy(numbers.begin(), numbers.end(), vector.begin());
-}
-
+/// bigus.Phantom has seen to it that there is an option of this name, whose value is of the right kind.
 void Set(PhantomOptions& options, const std::string& name, nb::handle value)
 {
-  bool found = name == "scene" || name == "probe";
   if (name == "scene")
   {
-    options.scene = Chosen<PhantomScene>(name, value, kScenes);
+    Choose(options.scene, name, value, kScenes);
   }
   else if (name == "probe")
   {
-    options.probe = Chosen<ProbeKind>(name, value, kProbes);
+    Choose(options.probe, name, value, kProbes);
   }
   ForEachPhantomOption(options,
                        [&](const PhantomNumber& number, auto& member)
                        {
-                         if (name != SpellOption(number.name, '_'))
-                         {
-                           return;
-                         }
-                         found = true;
-                         if constexpr (IsOne<decltype(member)>)
+                         if (name == SpellOption(number.name, '_'))
                          {
                            member = nb::cast<std::decay_t<decltype(member)>>(value);
                          }
-                         else
-                         {
-                           SetVector(member, name, value);
-                         }
                        });
-  if (!found)
-  {
-    throw nb::type_error(("a phantom has no option " + name).c_str());
-  }
 }
 
 /// Of no frames where `progress` stopped it.
@@ -116,25 +90,26 @@ std::shared_ptr<Sweep> SweepOf(const Phantom& phantom, const nb::object& progres
   return sweep;
 }
 
-std::shared_ptr<Sweep> TruthOf(const Phantom& phantom, const InputDoubles& pose, int width, int height)
+std::shared_ptr<Sweep> TruthOf(const Phantom& phantom, const Eigen::Matrix4d& pose, int width, int height)
 {
-  RequireShape(pose, {4, 4}, "the plane");
-  const SlicePlane plane = SlicePlane::FromImageToReference(MatrixAt(pose.data()), width, height);
   const nb::gil_scoped_release others;
-  return std::make_shared<Sweep>(phantom.MakeTruth(plane));
+  return std::make_shared<Sweep>(phantom.MakeTruth(SlicePlane::FromImageToReference(pose, width, height)));
 }
 
-Array FrameOf(const Phantom& phantom, const InputDoubles& pose, int width, int height)
+Array FrameOf(const Phantom& phantom, const Eigen::Matrix4d& pose, int width, int height)
 {
-  RequireShape(pose, {4, 4}, "the plane");
-  const SlicePlane plane = SlicePlane::FromImageToReference(MatrixAt(pose.data()), width, height);
-  plane.Validate("plane");
-  std::vector<std::uint8_t> image(plane.NumberOfPixels());
+  return PictureAt<std::uint8_t>(pose, width, height,
+                                 [&](const SlicePlane& plane, std::uint8_t* pixels) { phantom.Frame(plane, pixels); });
+}
+
+Array TruePosesOf(const Phantom& phantom)
+{
+  std::vector<Eigen::Matrix4d> poses;
+  for (int k = 0; k < phantom.Options().frames; ++k)
   {
-    const nb::gil_scoped_release others;
-    phantom.Frame(plane, image.data());
+    poses.push_back(phantom.TruePlane(k).ImageToReference());
   }
-  return Owned(std::move(image), {static_cast<std::size_t>(height), static_cast<std::size_t>(width)});
+  return PosesToArray(poses);
 }
 
 }  // namespace
@@ -154,12 +129,12 @@ void BindPhantom(nb::module_& m)
              new (self) Phantom(options);
            })
       .def(
-          "sweep", &SweepOf, nb::arg("progress") = nb::none(),
+          "sweep", &SweepOf, "progress"_a = nb::none(),
           "The whole sweep, uint8, with the poses that the tracker recorded. progress(fraction) is called now and then; "
           "when it returns False the sweep has no frames.")
-      .def("truth", &TruthOf, nb::arg("plane"), nb::arg("width"), nb::arg("height"),
+      .def("truth", &TruthOf, "plane"_a, "width"_a, "height"_a,
            "The truth at a plane as a sweep of one frame, with its pose and mask.")
-      .def("frame", &FrameOf, nb::arg("plane"), nb::arg("width"), nb::arg("height"),
+      .def("frame", &FrameOf, "plane"_a, "width"_a, "height"_a,
            "The truth at a plane (4 x 4, pixel (i, j, 0, 1) to mm): uint8 [height, width].")
       .def_prop_ro(
           "size",
@@ -168,18 +143,7 @@ void BindPhantom(nb::module_& m)
           "(width, height, frames).")
       .def_prop_ro("scatterers_per_resolution_cell", &Phantom::ScatterersPerResolutionCell,
                    "Mean number in parenchyma; fully developed speckle needs 10 or more.")
-      .def_prop_ro(
-          "true_poses",
-          [](const Phantom& phantom)
-          {
-            std::vector<Eigen::Matrix4d> poses;
-            for (int k = 0; k < phantom.Options().frames; ++k)
-            {
-              poses.push_back(phantom.TruePlane(k).ImageToReference());
-            }
-            return PosesToArray(poses);
-          },
-          "Where the frames were taken: float64 [frames, 4, 4].");
+      .def_prop_ro("true_poses", &TruePosesOf, "Where the frames were taken: float64 [frames, 4, 4].");
 }
 
 }  // namespace bigus

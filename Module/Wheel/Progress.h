@@ -10,15 +10,16 @@
 namespace bigus
 {
 
-/// Calls `function(fraction)`, unless that is None, and asks for signals. Work goes on until the function returns False,
-/// Ctrl-C is pressed or the function raises.
+/// Calls `function`, unless that is None, with a fraction or more facts, and asks for signals. Work goes on until the function
+/// returns False, Ctrl-C is pressed or the function raises.
 class PythonProgress
 {
 public:
-  explicit PythonProgress(nb::object function) : function_(std::move(function)) {}
+  explicit PythonProgress(nb::object function = nb::none()) : function_(std::move(function)) {}
 
   /// False: stop. Takes Python's lock.
-  bool operator()(double fraction)
+  template <class... Facts>
+  bool operator()(const Facts&... facts)
   {
     const nb::gil_scoped_acquire lock;
     try
@@ -27,7 +28,7 @@ public:
       {
         throw nb::python_error();
       }
-      return function_.is_none() || !function_(fraction).is(nb::bool_(false));
+      return function_.is_none() || !function_(facts...).is(nb::bool_(false));
     }
     catch (const nb::python_error&)
     {

@@ -30,12 +30,6 @@ ViewOutput OutputOf(bool isScattering)
   return isScattering ? ViewOutput::Scattering : ViewOutput::Intensity;
 }
 
-Eigen::Matrix4d ToMatrix(const InputDoubles& matrix)
-{
-  RequireShape(matrix, {4, 4}, "a matrix");
-  return MatrixAt(matrix.data());
-}
-
 /// An engine is used by one thread at a time.
 class Slicer
 {
@@ -49,7 +43,7 @@ public:
     ViewSettings{engine, elevationSigma, tolerance}.Validate();
     engine_ = Engine::Create(engine);
     Require(!label || field.labels, "LabelValue: the field has no labels; bigus.label gives it some.");
-    GaussianField shown = label ? field.labels->CarriersOf(field, *label) : GaussianField(field);
+    GaussianField shown = label ? field.labels->CarriersOf(field.field, *label) : field.field;
     if (elevationSigma >= 0)
     {
       shown.beam = Beam{elevationSigma};
@@ -59,7 +53,7 @@ public:
     engine_->SetAccuracy(accuracy);
     isAlike_ = !field.view || !seesDirections || isShare_;
     seen_.emplace(*engine_, shown, isAlike_ ? nullptr : &*field.view);
-    meanCoverage_ = SpreadOf(field).MeanCoverage();
+    meanCoverage_ = SpreadOf(field.field).MeanCoverage();
   }
 
   std::string Device() const { return engine_->Device(); }
@@ -90,26 +84,25 @@ public:
     }
     const auto h = static_cast<std::size_t>(height), w = static_cast<std::size_t>(width);
     const nb::object image = Owned(std::move(images), {n, h, w});
-    return nb::make_tuple(image, isCovered ? nb::object(Owned(std::move(coverage), {n, h, w})) : nb::none());
+    return nb::make_tuple(image, isCovered ? std::optional(Owned(std::move(coverage), {n, h, w})) : std::nullopt);
   }
 
   /// Pixels of part of a grid (uint8 or float32), their coverage, and the runs of seen ones, [n, 4] of first, last, y and
   /// z; None when `progress` said stop.
-  nb::object RenderPart(const InputDoubles& indexToWorld, const Extent& whole, const Extent& extent, ViewOutput output,
-                        bool isBytes, const std::tuple<int, double, int, bool>& slab, const Seen& seen, bool isCovered,
-                        bool isStencil, nb::object progress)
+  nb::object RenderPart(const Eigen::Matrix4d& indexToWorld, const Extent& whole, const Extent& extent,
+                        bool isScattering, bool isBytes, const std::tuple<int, double, int, bool>& slab,
+                        const std::pair<double, double>& seenAbove, bool isCovered, bool isStencil, nb::object progress)
   {
     const auto [planes, spacing, mode, trapezoid] = slab;
     const Slab joined{planes, spacing, static_cast<Slab::Mode>(mode), trapezoid};
+    const Seen seen{seenAbove.first, seenAbove.second};
     joined.Validate();
     seen.Validate();
-    const GridPart grid{ToMatrix(indexToWorld), whole, extent};
     const auto count = static_cast<std::size_t>(ExtentSize(extent));
     const bool needsCoverage = isCovered || isStencil || seen.FillsBackground();
     std::vector<float> pixels(isBytes ? 0 : count), coverage(isCovered ? count : 0);
     std::vector<unsigned char> bytes(isBytes ? count : 0);
     std::vector<int> runs;
-    PythonProgress tell(std::move(progress));
     const auto keep = [&](const PixelBand& band)
     {
       if (seen.FillsBackground())
@@ -132,54 +125,57 @@ public:
       {
         seen.ForEachRun(band, extent, [&](int a, int b, int y, int z) { runs.insert(runs.end(), {a, b, y, z}); });
       }
-      return tell(band.fraction);
     };
-    bool isFinished = false;
+    const auto draw = [&](PythonProgress& tell)
     {
-      const nb::gil_scoped_release others;
-      const std::lock_guard<std::mutex> alone(mutex_);
-      isFinished = bands_.Run(grid, needsCoverage, joined, PlanesSeen(output), keep);
-    }
-    tell.Rethrow();
-    if (!isFinished)
+      return bands_.Run({indexToWorld, whole, extent}, needsCoverage, joined, PlanesSeen(OutputOf(isScattering)),
+                        [&](const PixelBand& band) { return keep(band), tell(band.fraction); });
+    };
+    if (!Finish(draw, std::move(progress)))
     {
       return nb::none();
     }
-    const nb::object image = isBytes ? nb::object(Owned(std::move(bytes), {count})) : Owned(std::move(pixels), {count});
     const std::size_t n = runs.size() / 4;
-    return nb::make_tuple(image, Owned(std::move(coverage), {isCovered ? count : 0}), Owned(std::move(runs), {n, 4}));
+    return nb::make_tuple(isBytes ? Owned(std::move(bytes)) : Owned(std::move(pixels)), Owned(std::move(coverage)),
+                          Owned(std::move(runs), {n, 4}));
   }
 
   /// Standard errors of part of a grid; None when `progress` said stop.
-  nb::object StandardErrorPart(const nb::bytes& kept, const InputDoubles& indexToWorld, const Extent& whole,
-                               const Extent& extent, nb::object progress)
+  std::optional<Array> StandardErrorPart(const nb::bytes& kept, const Eigen::Matrix4d& indexToWorld,
+                                         const Extent& whole, const Extent& extent, nb::object progress)
   {
-    const GridPart grid{ToMatrix(indexToWorld), whole, extent};
     const std::string bytes(kept.c_str(), kept.size());
     std::vector<float> sigma(static_cast<std::size_t>(ExtentSize(extent)));
-    PythonProgress tell(std::move(progress));
-    const auto render = [&](const Extent& part, float* image)
+    const auto evaluate = [&](PythonProgress& tell)
     {
-      const auto keep = [image](const PixelBand& band)
+      const auto render = [&](const Extent& part, float* image)
       {
-        std::copy_n(band.image, band.count, image + band.first);
-        return true;
+        const auto keep = [image](const PixelBand& band)
+        { return std::copy_n(band.image, band.count, image + band.first), true; };
+        bands_.Run({indexToWorld, whole, part}, false, {}, PlanesSeen(ViewOutput::Intensity), keep);
+        return tell((part[4] - extent[4] + 1.0) / (extent[5] - extent[4] + 1));
       };
-      bands_.Run({grid.indexToWorld, whole, part}, false, {}, PlanesSeen(ViewOutput::Intensity), keep);
-      return tell((part[4] - extent[4] + 1.0) / (extent[5] - extent[4] + 1));
+      return StandardError(bytes).Evaluate({indexToWorld, whole, extent}, render, sigma.data());
     };
+    return Finish(evaluate, std::move(progress)) ? std::optional(Owned(std::move(sigma))) : std::nullopt;
+  }
+
+private:
+  /// Whether `work(tell)` was done, with the engine to itself, while other threads of Python run.
+  template <class Work>
+  bool Finish(const Work& work, nb::object progress)
+  {
+    PythonProgress tell(std::move(progress));
     bool isFinished = false;
     {
       const nb::gil_scoped_release others;
       const std::lock_guard<std::mutex> alone(mutex_);
-      isFinished = StandardError(bytes).Evaluate(grid, render, sigma.data());
+      isFinished = work(tell);
     }
     tell.Rethrow();
-    const std::size_t count = sigma.size();
-    return isFinished ? nb::object(Owned(std::move(sigma), {count})) : nb::none();
+    return isFinished;
   }
 
-private:
   /// Each plane as it looks from there.
   RenderPlanes PlanesSeen(ViewOutput output)
   {
@@ -227,26 +223,23 @@ nb::tuple ToPython(const OutputGrid& grid)
 
 /// `input()` gives the field, or spacing, origin and extent of an image.
 nb::tuple GridOfSlice(const Numbers& spacing, const Numbers& origin, const std::optional<Extent>& extent,
-                      const InputDoubles& axes, const std::optional<InputDoubles>& transform, bool turnsInput,
+                      const Eigen::Matrix4d& axes, const std::optional<Eigen::Matrix4d>& transform, bool turnsInput,
                       bool crops, int dimensionality, const nb::callable& input)
 {
-  ResliceSettings settings{ToMatrix(axes), std::nullopt, turnsInput, crops, dimensionality};
-  if (transform)
-  {
-    settings.transform = ToMatrix(*transform);
-  }
   const auto derive = [&]
   {
     const nb::object found = input();
     if (nb::isinstance<Field>(found))
     {
-      return GridOver(BoundsAlong(nb::cast<const Field&>(found), Eigen::Matrix3d::Identity()), kDefaultDimension);
+      const GaussianField& field = nb::cast<const Field&>(found).field;
+      return GridOver(BoundsAlong(field, Eigen::Matrix3d::Identity()), kDefaultDimension);
     }
     const auto [step, start, indices] =
         nb::cast<std::tuple<std::array<double, 3>, std::array<double, 3>, Extent>>(found);
     return OutputGrid{Eigen::Vector3d(step.data()), Eigen::Vector3d(start.data()), indices};
   };
-  return ToPython(ResliceGrid(Given(spacing, origin, extent), settings, derive));
+  return ToPython(
+      ResliceGrid(Given(spacing, origin, extent), {axes, transform, turnsInput, crops, dimensionality}, derive));
 }
 
 /// `field()` gives the field.
@@ -262,19 +255,17 @@ nb::tuple GridOfVoxels(const Numbers& spacing, const Numbers& origin, const std:
   const auto derive = [&]
   {
     const nb::object found = field();
-    return GridOver(BoundsAlong(nb::cast<const Field&>(found), axes), maximumDimension);
+    return GridOver(BoundsAlong(nb::cast<const Field&>(found).field, axes), maximumDimension);
   };
   return ToPython(VoxelGrid(Given(spacing, origin, extent), axes, derive));
 }
 
-Array PlaceOfIndices(const InputDoubles& axes, const std::optional<InputDoubles>& transform,
+Array PlaceOfIndices(const Eigen::Matrix4d& axes, const std::optional<Eigen::Matrix4d>& transform,
                      const std::array<double, 3>& spacing, const std::array<double, 3>& origin)
 {
-  const std::optional<Eigen::Matrix4d> after =
-      transform ? std::optional<Eigen::Matrix4d>(ToMatrix(*transform)) : std::nullopt;
-  const Eigen::Matrix<double, 4, 4, Eigen::RowMajor> matrix = IndexToWorld(
-      OutputToWorld(ToMatrix(axes), after), Eigen::Vector3d(spacing.data()), Eigen::Vector3d(origin.data()));
-  return Owned(std::vector<double>(matrix.data(), matrix.data() + 16), {4, 4});
+  return Owned(RowByRow({IndexToWorld(OutputToWorld(axes, transform), Eigen::Vector3d(spacing.data()),
+                                      Eigen::Vector3d(origin.data()))}),
+               {4, 4});
 }
 
 /// The field with labels, of pictures [n, height, width] of these frames.
@@ -289,7 +280,7 @@ Field Labelled(Field field, const Sweep& sweep, const InputBytes& pictures, std:
     given.labels.push_back({value, name, UsualColor(value)});
   }
   given.labels = WithNames(std::move(given.labels), given.pixels);
-  field.labels = FitLabels(field, sweep, keepEmpty ? given : given.Subset(given.Drawn()), {engine});
+  field.labels = FitLabels(field.field, sweep, keepEmpty ? given : given.Subset(given.Drawn()), {engine});
   return field;
 }
 
@@ -301,38 +292,31 @@ public:
   {
     Require(field.labels.has_value(), "Labels: the field has no labels; bigus.label gives it some.");
     const nb::gil_scoped_release others;
-    GaussianField shown = field;
-    shown.beam = elevationSigma >= 0 ? Beam{elevationSigma} : field.beam;
+    GaussianField shown = field.field;
+    shown.beam = elevationSigma >= 0 ? Beam{elevationSigma} : shown.beam;
     labelled_.emplace(shown, *field.labels, engine);
   }
 
   /// [height, width]
-  Array Render(const InputDoubles& plane, int width, int height)
+  Array Render(const Eigen::Matrix4d& plane, int width, int height)
   {
-    const SlicePlane at = SlicePlane::FromImageToReference(ToMatrix(plane), width, height);
-    at.Validate("the plane");
-    std::vector<std::uint8_t> map(at.NumberOfPixels());
-    {
-      const nb::gil_scoped_release others;
-      const std::lock_guard<std::mutex> alone(mutex_);
-      labelled_->Render(at, map.data());
-    }
-    return Owned(std::move(map), {static_cast<std::size_t>(height), static_cast<std::size_t>(width)});
+    return PictureAt<std::uint8_t>(plane, width, height,
+                                   [&](const SlicePlane& at, std::uint8_t* map)
+                                   {
+                                     const std::lock_guard<std::mutex> alone(mutex_);
+                                     labelled_->Render(at, map);
+                                   });
   }
 
   /// [pixels] of part of a grid
-  Array RenderPart(const InputDoubles& indexToWorld, const Extent& whole, const Extent& extent)
+  Array RenderPart(const Eigen::Matrix4d& indexToWorld, const Extent& whole, const Extent& extent)
   {
-    const GridPart grid{ToMatrix(indexToWorld), whole, extent};
-    const auto count = static_cast<std::size_t>(ExtentSize(extent));
-    std::vector<std::uint8_t> map(count);
-    if (count > 0)
-    {
-      const nb::gil_scoped_release others;
-      const std::lock_guard<std::mutex> alone(mutex_);
-      labelled_->Render(grid, map.data());
-    }
-    return Owned(std::move(map), {count});
+    return Filled<std::uint8_t>({static_cast<std::size_t>(ExtentSize(extent))},
+                                [&](std::uint8_t* map)
+                                {
+                                  const std::lock_guard<std::mutex> alone(mutex_);
+                                  labelled_->Render({indexToWorld, whole, extent}, map);
+                                });
   }
 
 private:
@@ -341,93 +325,67 @@ private:
 };
 
 /// [height, width], of an image [height, width] at a plane.
-Array StandardErrorAt(const nb::bytes& kept, const InputDoubles& plane, const InputFloats& image)
+Array StandardErrorAt(const nb::bytes& kept, const Eigen::Matrix4d& plane, const InputFloats& image)
 {
   RequireShape(image, {-1, -1}, "the image");
-  const std::size_t h = image.shape(0), w = image.shape(1);
-  const SlicePlane at = SlicePlane::FromImageToReference(ToMatrix(plane), static_cast<int>(w), static_cast<int>(h));
-  at.Validate("the plane");
   const std::string bytes(kept.c_str(), kept.size());
-  std::vector<float> sigma(h * w);
-  {
-    const nb::gil_scoped_release others;
-    StandardError(bytes).Evaluate(at, image.data(), sigma.data());
-  }
-  return Owned(std::move(sigma), {h, w});
+  return PictureAt<float>(plane, static_cast<int>(image.shape(1)), static_cast<int>(image.shape(0)),
+                          [&](const SlicePlane& at, float* sigma)
+                          { StandardError(bytes).Evaluate(at, image.data(), sigma); });
 }
 
 /// Of pixels that are not 0 in `where`, [height, width].
-double StandardErrorOfMean(const nb::bytes& kept, const InputDoubles& plane, const InputFloats& sigma,
+double StandardErrorOfMean(const nb::bytes& kept, const Eigen::Matrix4d& plane, const InputFloats& sigma,
                            const InputBytes& where)
 {
   RequireShape(sigma, {-1, -1}, "the standard errors");
-  const auto h = static_cast<std::int64_t>(sigma.shape(0)), w = static_cast<std::int64_t>(sigma.shape(1));
+  const int h = static_cast<int>(sigma.shape(0)), w = static_cast<int>(sigma.shape(1));
   RequireShape(where, {h, w}, "the pixels to take");
-  const SlicePlane at = SlicePlane::FromImageToReference(ToMatrix(plane), static_cast<int>(w), static_cast<int>(h));
-  at.Validate("the plane");
+  const SlicePlane at = SlicePlane::FromImageToReference(plane, w, h);
+  at.Validate("slice plane");
   return StandardError(std::string(kept.c_str(), kept.size())).OfMean(at, sigma.data(), where.data());
 }
 
-Array DistancesOfGrid(const Sweep& sweep, const InputDoubles& indexToWorld, const Extent& extent)
+Array DistancesOfGrid(const Sweep& sweep, const Eigen::Matrix4d& indexToWorld, const Extent& extent)
 {
-  const Eigen::Matrix4d matrix = ToMatrix(indexToWorld);
-  const auto count = static_cast<std::size_t>(ExtentSize(extent));
-  std::vector<float> distances(count);
-  {
-    const nb::gil_scoped_release others;
-    GridDistances(sweep, matrix, extent, distances.data());
-  }
-  return Owned(std::move(distances), {count});
+  return Filled<float>({static_cast<std::size_t>(ExtentSize(extent))},
+                       [&](float* distances) { GridDistances(sweep, indexToWorld, extent, distances); });
 }
 
 }  // namespace
 
 void BindSlices(nb::module_& m)
 {
+  const auto spacing = "spacing"_a.none(), origin = "origin"_a.none(), transform = "transform"_a.none();
+  const auto place = "index_to_world"_a, whole = "whole"_a, extent = "extent"_a;
   nb::class_<Slicer>(m, "Renderer")
-      .def(nb::init<const Field&, const std::string&, double, double, bool, std::optional<int>>(), nb::arg("field"),
-           nb::arg("engine"), nb::arg("elevation_sigma"), nb::arg("tolerance"), nb::arg("sees_directions") = true,
-           nb::arg("label").none() = nb::none())
+      .def(nb::init<const Field&, const std::string&, double, double, bool, std::optional<int>>(), "field"_a,
+           "engine"_a, "elevation_sigma"_a, "tolerance"_a, "sees_directions"_a = true, "label"_a.none() = nb::none())
       .def_prop_ro("device", &Slicer::Device)
       .def_prop_ro("mean_coverage", &Slicer::MeanCoverage)
-      .def("render", &Slicer::Render, nb::arg("planes"), nb::arg("width"), nb::arg("height"), nb::arg("scattering"),
-           nb::arg("coverage"))
-      .def(
-          "render_part",
-          [](Slicer& slicer, const InputDoubles& indexToWorld, const Extent& whole, const Extent& extent,
-             bool isScattering, bool isBytes, const std::tuple<int, double, int, bool>& slab,
-             const std::pair<double, double>& seen, bool isCovered, bool isStencil, nb::object progress)
-          {
-            return slicer.RenderPart(indexToWorld, whole, extent, OutputOf(isScattering), isBytes, slab,
-                                     {seen.first, seen.second}, isCovered, isStencil, std::move(progress));
-          },
-          nb::arg("index_to_world"), nb::arg("whole"), nb::arg("extent"), nb::arg("scattering"), nb::arg("bytes"),
-          nb::arg("slab"), nb::arg("seen"), nb::arg("coverage"), nb::arg("stencil"), nb::arg("progress"))
-      .def("standard_error_part", &Slicer::StandardErrorPart, nb::arg("kept"), nb::arg("index_to_world"),
-           nb::arg("whole"), nb::arg("extent"), nb::arg("progress"));
-  m.def("reslice_grid", &GridOfSlice, nb::arg("spacing").none(), nb::arg("origin").none(), nb::arg("extent").none(),
-        nb::arg("axes"), nb::arg("transform").none(), nb::arg("turns_input"), nb::arg("crops"),
-        nb::arg("dimensionality"), nb::arg("input"));
-  m.def("voxel_grid", &GridOfVoxels, nb::arg("spacing").none(), nb::arg("origin").none(), nb::arg("dimensions").none(),
-        nb::arg("direction"), nb::arg("maximum_dimension"), nb::arg("field"));
-  m.def("index_to_world", &PlaceOfIndices, nb::arg("axes"), nb::arg("transform").none(), nb::arg("spacing"),
-        nb::arg("origin"));
-  m.def("grid_distances", &DistancesOfGrid, nb::arg("sweep"), nb::arg("index_to_world"), nb::arg("extent"));
-  m.def("label", &Labelled, nb::arg("field"), nb::arg("sweep"), nb::arg("pictures"), nb::arg("frames"),
-        nb::arg("names"), nb::arg("keep_empty"), nb::arg("engine"));
+      .def("render", &Slicer::Render, "planes"_a, "width"_a, "height"_a, "scattering"_a, "coverage"_a)
+      .def("render_part", &Slicer::RenderPart, place, whole, extent, "scattering"_a, "bytes"_a, "slab"_a, "seen"_a,
+           "coverage"_a, "stencil"_a, "progress"_a)
+      .def("standard_error_part", &Slicer::StandardErrorPart, "kept"_a, place, whole, extent, "progress"_a);
+  m.def("reslice_grid", &GridOfSlice, spacing, origin, "extent"_a.none(), "axes"_a, transform, "turns_input"_a,
+        "crops"_a, "dimensionality"_a, "input"_a);
+  m.def("voxel_grid", &GridOfVoxels, spacing, origin, "dimensions"_a.none(), "direction"_a, "maximum_dimension"_a,
+        "field"_a);
+  m.def("index_to_world", &PlaceOfIndices, "axes"_a, transform, "spacing"_a, "origin"_a);
+  m.def("grid_distances", &DistancesOfGrid, "sweep"_a, place, extent);
+  m.def("label", &Labelled, "field"_a, "sweep"_a, "pictures"_a, "frames"_a, "names"_a, "keep_empty"_a,
+        "engine"_a);
   nb::class_<LabelSlicer>(m, "LabelRenderer")
-      .def(nb::init<const Field&, const std::string&, double>(), nb::arg("field"), nb::arg("engine"),
-           nb::arg("elevation_sigma") = -1.0)
-      .def("render", &LabelSlicer::Render, nb::arg("plane"), nb::arg("width"), nb::arg("height"))
-      .def("render_part", &LabelSlicer::RenderPart, nb::arg("index_to_world"), nb::arg("whole"), nb::arg("extent"));
-  m.def("standard_error", &StandardErrorAt, nb::arg("kept"), nb::arg("plane"), nb::arg("image"));
-  m.def("standard_error_of_mean", &StandardErrorOfMean, nb::arg("kept"), nb::arg("plane"), nb::arg("sigma"),
-        nb::arg("where"));
-  m.def("check_output_size", &CheckOutputSize, nb::arg("extent"), nb::arg("maximum"));
+      .def(nb::init<const Field&, const std::string&, double>(), "field"_a, "engine"_a, "elevation_sigma"_a = -1.0)
+      .def("render", &LabelSlicer::Render, "plane"_a, "width"_a, "height"_a)
+      .def("render_part", &LabelSlicer::RenderPart, place, whole, extent);
+  m.def("standard_error", &StandardErrorAt, "kept"_a, "plane"_a, "image"_a);
+  m.def("standard_error_of_mean", &StandardErrorOfMean, "kept"_a, "plane"_a, "sigma"_a, "where"_a);
+  m.def("check_output_size", &CheckOutputSize, "extent"_a, "maximum"_a);
   m.def(
       "check_pixel_type",
-      [](const std::string& type, bool isScattering) { CheckPixelType(type, OutputOf(isScattering)); }, nb::arg("type"),
-      nb::arg("scattering"));
+      [](const std::string& type, bool isScattering) { CheckPixelType(type, OutputOf(isScattering)); }, "type"_a,
+      "scattering"_a);
 }
 
 }  // namespace bigus

@@ -31,8 +31,8 @@ std::shared_ptr<const void> Kept(const Array& array)
                                      });
 }
 
-template <class Array>
-std::shared_ptr<Sweep> MakeSweep(const Array& frames, Sweep::PixelType type, const InputDoubles& poses,
+template <class Frames, Sweep::PixelType Type>
+std::shared_ptr<Sweep> MakeSweep(const Frames& frames, const InputDoubles& poses,
                                  const std::optional<InputDoubles>& timestamps, const std::optional<InputBytes>& mask)
 {
   RequireShape(frames, {-1, -1, -1}, "frames");
@@ -42,7 +42,7 @@ std::shared_ptr<Sweep> MakeSweep(const Array& frames, Sweep::PixelType type, con
   auto sweep = std::make_shared<Sweep>();
   sweep->width = static_cast<int>(width);
   sweep->height = static_cast<int>(height);
-  sweep->pixelType = type;
+  sweep->pixelType = Type;
   sweep->pixels = Kept(frames);
   for (std::int64_t k = 0; k < count; ++k)
   {
@@ -63,43 +63,40 @@ std::shared_ptr<Sweep> MakeSweep(const Array& frames, Sweep::PixelType type, con
   return sweep;
 }
 
+template <class Pixel>
+Array FramesAs(const Sweep& sweep, nb::handle self)
+{
+  return View(static_cast<const Pixel*>(sweep.pixels.get()),
+              {static_cast<std::size_t>(sweep.NumberOfFrames()), static_cast<std::size_t>(sweep.height),
+               static_cast<std::size_t>(sweep.width)},
+              self);
+}
+
 Array FramesOf(nb::handle self)
 {
   const auto& sweep = nb::cast<const Sweep&>(self);
-  const auto n = static_cast<std::size_t>(sweep.NumberOfFrames()), h = static_cast<std::size_t>(sweep.height),
-             w = static_cast<std::size_t>(sweep.width);
-  return sweep.pixelType == Sweep::PixelType::UInt8
-             ? View(static_cast<const std::uint8_t*>(sweep.pixels.get()), {n, h, w}, self)
-             : View(static_cast<const float*>(sweep.pixels.get()), {n, h, w}, self);
+  return sweep.pixelType == Sweep::PixelType::UInt8 ? FramesAs<std::uint8_t>(sweep, self)
+                                                    : FramesAs<float>(sweep, self);
 }
 
 /// Eigen's matrices lie column by column.
 Array PosesOf(nb::handle self)
 {
-  const auto& sweep = nb::cast<const Sweep&>(self);
-  return View(static_cast<const double*>(sweep.imageToReference[0].data()), {sweep.imageToReference.size(), 4, 4}, self,
-              {16, 1, 4});
+  const auto& poses = nb::cast<const Sweep&>(self).imageToReference;
+  return View(poses[0].data(), {poses.size(), 4, 4}, self, {16, 1, 4});
 }
 
 std::optional<Array> TimestampsOf(nb::handle self)
 {
-  const auto& sweep = nb::cast<const Sweep&>(self);
-  if (sweep.timestamps.empty())
-  {
-    return std::nullopt;
-  }
-  return View(static_cast<const double*>(sweep.timestamps.data()), {sweep.timestamps.size()}, self);
+  const auto& times = nb::cast<const Sweep&>(self).timestamps;
+  return times.empty() ? std::nullopt : std::optional(View(times.data(), {times.size()}, self));
 }
 
 std::optional<Array> MaskOf(nb::handle self)
 {
   const auto& sweep = nb::cast<const Sweep&>(self);
-  if (!sweep.mask)
-  {
-    return std::nullopt;
-  }
-  return View(static_cast<const std::uint8_t*>(sweep.mask->data()),
-              {static_cast<std::size_t>(sweep.height), static_cast<std::size_t>(sweep.width)}, self);
+  const std::size_t h = static_cast<std::size_t>(sweep.height), w = static_cast<std::size_t>(sweep.width);
+  return sweep.mask ? std::optional(View(sweep.mask->data(), {h, w}, self)) : std::nullopt;
 }
 
 /// Delay, three shifts, three rotations: [estimate, standard error, whether pictures tell it; 7].
@@ -149,106 +146,65 @@ nb::object Correct(const std::shared_ptr<Sweep>& sweep, std::optional<double> st
   {
     return nb::none();
   }
-  const Trajectory& path = found.trajectory;
-  const std::size_t n = path.displacement.size();
-  nb::dict noise, decision, result;
-  noise["translation"] = path.translationNoise;
-  noise["rotation"] = path.rotationNoise;
-  noise["corner"] = path.cornerNoise;
-  decision["choice"] = found.decision.choice;
-  decision["evidence"] = found.decision.evidence;
-  result["sweep"] = corrected;
-  result["displacement"] = Owned(path.displacement, {n});
-  result["rotation"] = Owned(path.rotation, {n});
-  result["outlier"] = Owned(path.isOutlier, {n});
-  result["stroke"] = Owned(path.stroke, {n});
-  result["noise"] = noise;
-  result["constant_errors"] = ConstantErrorsToArray(found.constant);
-  result["constant_errors_applied"] = found.constant.IsSignificant();
-  result["confirmed_steps"] = ConfirmedStepsToArray(found);
-  result["strength"] = found.strength;
   nb::list steps;
   for (const PoseStep& step : found.steps)
   {
-    nb::dict row;
-    row["from"] = step.from;
-    row["to"] = step.to;
-    row["share"] = step.share;
-    row["share_error"] = step.shareError;
-    row["gain"] = step.gain;
-    row["gain_error"] = step.gainError;
-    row["revisit_share"] = step.revisitShare;
-    row["revisit_error"] = step.revisitError;
-    row["taken"] = step.isTaken;
-    steps.append(row);
+    steps.append(Dict("from", step.from, "to", step.to, "share", step.share, "share_error", step.shareError, "gain",
+                      step.gain, "gain_error", step.gainError, "revisit_share", step.revisitShare, "revisit_error",
+                      step.revisitError, "taken", step.isTaken));
   }
-  result["steps"] = steps;
-  result["decision"] = decision;
-  return result;
+  const Trajectory& path = found.trajectory;
+  return Dict("sweep", corrected, "displacement", Owned(path.displacement), "rotation", Owned(path.rotation), "outlier",
+              Owned(path.isOutlier), "stroke", Owned(path.stroke), "noise",
+              Dict("translation", path.translationNoise, "rotation", path.rotationNoise, "corner", path.cornerNoise),
+              "constant_errors", ConstantErrorsToArray(found.constant), "constant_errors_applied",
+              found.constant.IsSignificant(), "confirmed_steps", ConfirmedStepsToArray(found), "strength",
+              found.strength, "steps", steps, "decision",
+              Dict("choice", found.decision.choice, "evidence", found.decision.evidence));
 }
 
-nb::dict Compare(const InputFloats& image, const InputFloats& truth)
+/// The scores of an image, by their names in Python. With `texture` also every number of the comparison of textures, by the
+/// name it has in tables, and both spectra.
+nb::dict Compare(const InputFloats& image, const InputFloats& truth, bool texture)
 {
   RequireShape(image, {-1, -1}, "the image");
-  RequireShape(truth, {static_cast<std::int64_t>(image.shape(0)), static_cast<std::int64_t>(image.shape(1))},
-               "the truth");
   const int height = static_cast<int>(image.shape(0)), width = static_cast<int>(image.shape(1));
+  RequireShape(truth, {height, width}, "the truth");
   double psnr, ssim;
   BackscatterFidelity bfs;
+  TextureComparison compared;
   {
     const nb::gil_scoped_release others;
     psnr = Psnr(image.data(), truth.data(), image.size());
     ssim = Ssim(image.data(), truth.data(), width, height);
     bfs = Bfs(image.data(), truth.data(), width, height);
+    if (texture)
+    {
+      compared = CompareTexture(image.data(), truth.data(), width, height);
+    }
   }
-  nb::dict scores;
-  scores["psnr"] = psnr;
-  scores["ssim"] = ssim;
-  scores["bfs"] = bfs.score;
-  scores["mean_contrast"] = bfs.meanContrast;
-  scores["contrast_distribution"] = bfs.contrastDistribution;
-  scores["rayleigh"] = bfs.rayleigh;
+  nb::dict scores = Dict("psnr", psnr, "ssim", ssim, "bfs", bfs.score, "mean_contrast", bfs.meanContrast,
+                         "contrast_distribution", bfs.contrastDistribution, "rayleigh", bfs.rayleigh);
+  if (texture)
+  {
+    ForEachNumber(compared, [&](const std::string& name, double value) { scores[name.c_str()] = value; });
+    const auto& seen = compared.image.power;
+    const auto& due = compared.truth.power;
+    Put(scores, "ImageSpectrum", Owned(std::vector<double>(seen.begin(), seen.end())), "TruthSpectrum",
+        Owned(std::vector<double>(due.begin(), due.end())));
+  }
   return scores;
 }
 
-/// Every number of a comparison by the name it has in tables, and both spectra.
-nb::dict CompareTextures(const InputFloats& image, const InputFloats& truth)
+Array Distances(const Sweep& sweep, const std::vector<int>& frames, const Eigen::Matrix4d& plane, int width, int height)
 {
-  RequireShape(image, {-1, -1}, "the image");
-  RequireShape(truth, {static_cast<std::int64_t>(image.shape(0)), static_cast<std::int64_t>(image.shape(1))},
-               "the truth");
-  TextureComparison texture;
+  for (const int frame : frames)
   {
-    const nb::gil_scoped_release others;
-    texture =
-        CompareTexture(image.data(), truth.data(), static_cast<int>(image.shape(1)), static_cast<int>(image.shape(0)));
+    Require(frame >= 0 && frame < sweep.NumberOfFrames(), "there is no frame ", frame, " among ",
+            sweep.NumberOfFrames());
   }
-  nb::dict numbers;
-  ForEachNumber(texture, [&](const std::string& name, double value) { numbers[name.c_str()] = value; });
-  for (const auto& [name, power] :
-       {std::pair("ImageSpectrum", &texture.image.power), std::pair("TruthSpectrum", &texture.truth.power)})
-  {
-    numbers[name] = Owned(std::vector<double>(power->begin(), power->end()), {power->size()});
-  }
-  return numbers;
-}
-
-Array Distances(const Sweep& sweep, const std::vector<int>& frames, const InputDoubles& pose, int width, int height)
-{
-  RequireShape(pose, {4, 4}, "the plane");
-  const SlicePlane plane = SlicePlane::FromImageToReference(MatrixAt(pose.data()), width, height);
-  plane.Validate("slice plane");
-  std::vector<float> distances(plane.NumberOfPixels());
-  {
-    const nb::gil_scoped_release others;
-    for (const int frame : frames)
-    {
-      Require(frame >= 0 && frame < sweep.NumberOfFrames(), "there is no frame ", frame, " among ",
-              sweep.NumberOfFrames());
-    }
-    DistanceToFrames(sweep, frames, plane, distances.data());
-  }
-  return Owned(std::move(distances), {static_cast<std::size_t>(height), static_cast<std::size_t>(width)});
+  return PictureAt<float>(plane, width, height,
+                          [&](const SlicePlane& at, float* pixels) { DistanceToFrames(sweep, frames, at, pixels); });
 }
 
 /// A row a finding, and for every frame 1 + the kind for which it is left out, or 0. `numbers` says how frames are called.
@@ -265,13 +221,8 @@ nb::tuple Inspected(const std::shared_ptr<Sweep>& sweep, const std::string& keep
   nb::list rows;
   for (const Finding& finding : found.findings)
   {
-    nb::dict row;
-    row["kind"] = NameOf(finding.kind);
-    row["frames"] = finding.frames.size();
-    row["pixels"] = finding.pixels;
-    row["applied"] = finding.isApplied;
-    row["text"] = Describe(finding, numbers);
-    rows.append(row);
+    rows.append(Dict("kind", NameOf(finding.kind), "frames", finding.frames.size(), "pixels", finding.pixels, "applied",
+                     finding.isApplied, "text", Describe(finding, numbers)));
     for (const int frame : finding.LeftOut())
     {
       reasons[frame] = 1 + static_cast<int>(finding.kind);
@@ -280,19 +231,22 @@ nb::tuple Inspected(const std::shared_ptr<Sweep>& sweep, const std::string& keep
   return nb::make_tuple(rows, reasons);
 }
 
+std::shared_ptr<Sweep> Joined(const std::vector<std::shared_ptr<Sweep>>& sweeps)
+{
+  return sweeps.size() == 1 ? sweeps[0] : std::make_shared<Sweep>(*Join({sweeps.begin(), sweeps.end()}));
+}
+
+std::string TextOf(const Sweep& sweep)
+{
+  return "<bigus.Sweep of " + std::to_string(sweep.NumberOfFrames()) + " frames, " + std::to_string(sweep.width) +
+         " x " + std::to_string(sweep.height) + " pixels>";
+}
+
 }  // namespace
 
 Array PosesToArray(const std::vector<Eigen::Matrix4d>& poses)
 {
-  std::vector<double> numbers;
-  for (const Eigen::Matrix4d& pose : poses)
-  {
-    for (int k = 0; k < 16; ++k)
-    {
-      numbers.push_back(pose(k / 4, k % 4));
-    }
-  }
-  return Owned(std::move(numbers), {poses.size(), 4, 4});
+  return Owned(RowByRow(poses), {poses.size(), 4, 4});
 }
 
 void BindSweep(nb::module_& m)
@@ -308,42 +262,18 @@ void BindSweep(nb::module_& m)
                    "row j of frame k lies, mm.")
       .def_prop_ro("timestamps", &TimestampsOf, "float64 [frames], seconds, a view; or None.")
       .def_prop_ro("mask", &MaskOf, "uint8 [height, width], 0 where the probe lights nothing; or None.")
-      .def_prop_ro(
-          "width", [](const Sweep& s) { return s.width; }, "Pixels of a row.")
-      .def_prop_ro(
-          "height", [](const Sweep& s) { return s.height; }, "Rows.")
+      .def_ro("width", &Sweep::width, "Pixels of a row.")
+      .def_ro("height", &Sweep::height, "Rows.")
       .def("__len__", &Sweep::NumberOfFrames)
-      .def("__repr__",
-           [](const Sweep& s)
-           {
-             return "<bigus.Sweep of " + std::to_string(s.NumberOfFrames()) + " frames, " + std::to_string(s.width) +
-                    " x " + std::to_string(s.height) + " pixels>";
-           });
-  m.def(
-      "sweep_of_bytes",
-      [](const InputBytes& f, const InputDoubles& p, std::optional<InputDoubles> t, std::optional<InputBytes> k)
-      { return MakeSweep(f, Sweep::PixelType::UInt8, p, t, k); },
-      nb::arg("frames"), nb::arg("poses"), nb::arg("timestamps").none(), nb::arg("mask").none());
-  m.def(
-      "sweep_of_floats",
-      [](const InputFloats& f, const InputDoubles& p, std::optional<InputDoubles> t, std::optional<InputBytes> k)
-      { return MakeSweep(f, Sweep::PixelType::Float32, p, t, k); },
-      nb::arg("frames"), nb::arg("poses"), nb::arg("timestamps").none(), nb::arg("mask").none());
-  m.def(
-      "join",
-      [](const std::vector<std::shared_ptr<Sweep>>& sweeps)
-      {
-        const std::vector<std::shared_ptr<const Sweep>> sequences(sweeps.begin(), sweeps.end());
-        return sweeps.size() == 1 ? sweeps[0] : std::make_shared<Sweep>(*Join(sequences));
-      },
-      nb::arg("sweeps"));
-  m.def("correct_poses", &Correct, nb::arg("sweep"), nb::arg("strength").none(), nb::arg("hold_out"),
-        nb::arg("progress") = nb::none());
-  m.def("inspect", &Inspected, nb::arg("sweep"), nb::arg("keep"), nb::arg("numbers"));
-  m.def("compare", &Compare, nb::arg("image"), nb::arg("truth"));
-  m.def("compare_textures", &CompareTextures, nb::arg("image"), nb::arg("truth"));
-  m.def("distances", &Distances, nb::arg("sweep"), nb::arg("frames"), nb::arg("plane"), nb::arg("width"),
-        nb::arg("height"));
+      .def("__repr__", &TextOf);
+  const auto times = "timestamps"_a.none(), mask = "mask"_a.none();
+  m.def("sweep_of_bytes", &MakeSweep<InputBytes, Sweep::PixelType::UInt8>, "frames"_a, "poses"_a, times, mask);
+  m.def("sweep_of_floats", &MakeSweep<InputFloats, Sweep::PixelType::Float32>, "frames"_a, "poses"_a, times, mask);
+  m.def("join", &Joined, "sweeps"_a);
+  m.def("correct_poses", &Correct, "sweep"_a, "strength"_a.none(), "hold_out"_a, "progress"_a = nb::none());
+  m.def("inspect", &Inspected, "sweep"_a, "keep"_a, "numbers"_a);
+  m.def("compare", &Compare, "image"_a, "truth"_a, "texture"_a = false);
+  m.def("distances", &Distances, "sweep"_a, "frames"_a, "plane"_a, "width"_a, "height"_a);
 }
 
 }  // namespace bigus

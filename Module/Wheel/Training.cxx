@@ -7,95 +7,80 @@
 #include "Arrays.h"
 #include "Core/Model/Error.h"
 #include "Core/Trainer/KeptError.h"
+#include "Core/Trainer/ProgressText.h"
 #include "Core/Trainer/Provenance.h"
 #include "Core/Trainer/Trainer.h"
 #include "Core/Training/OptionList.h"
 #include "IO/CheckpointFile.h"
+#include "Progress.h"
 
 namespace bigus
 {
 namespace
 {
 
-const char* NameOf(TrainingProgress::Phase phase)
+nb::dict ToPython(const std::vector<TrainingRecord>& log)
 {
-  const char* const names[] = {"deciding", "seeding", "training"};
-  return names[static_cast<int>(phase)];
+  using Record = TrainingRecord;
+  nb::dict columns;
+  const auto add = [&](const char* name, const auto& number)
+  {
+    std::vector<double> numbers;
+    for (const Record& record : log)
+    {
+      numbers.push_back(static_cast<double>(number(record)));
+    }
+    columns[name] = Owned(std::move(numbers));
+  };
+  add("iteration", [](const Record& r) { return r.iteration; });
+  add("seconds", [](const Record& r) { return r.seconds; });
+  add("loss", [](const Record& r) { return r.loss; });
+  add("validation_psnr",
+      [](const Record& r) { return r.validationPsnr.value_or(std::numeric_limits<double>::quiet_NaN()); });
+  add("gaussians", [](const Record& r) { return r.gaussians; });
+  add("rate", [](const Record& r) { return r.rate; });
+  return columns;
 }
 
 /// What a training hands back, in Python's types.
 nb::dict ToPython(TrainingResult& result, std::vector<std::string> provenance, std::string keptError)
 {
-  const std::size_t n = result.log.size();
-  std::vector<double> iterations, seconds, losses, psnrs, gaussians, rates;
-  for (const TrainingRecord& record : result.log)
-  {
-    iterations.push_back(record.iteration);
-    seconds.push_back(record.seconds);
-    losses.push_back(record.loss);
-    psnrs.push_back(record.validationPsnr.value_or(std::numeric_limits<double>::quiet_NaN()));
-    gaussians.push_back(static_cast<double>(record.gaussians));
-    rates.push_back(record.rate);
-  }
-  nb::dict log;
-  log["iteration"] = Owned(std::move(iterations), {n});
-  log["seconds"] = Owned(std::move(seconds), {n});
-  log["loss"] = Owned(std::move(losses), {n});
-  log["validation_psnr"] = Owned(std::move(psnrs), {n});
-  log["gaussians"] = Owned(std::move(gaussians), {n});
-  log["rate"] = Owned(std::move(rates), {n});
   nb::list decisions;
   for (const Decision& decision : result.decisions)
   {
-    nb::dict row;
-    row["decision"] = decision.what;
-    row["choice"] = decision.choice;
-    row["evidence"] = decision.evidence;
-    row["seconds"] = decision.seconds;
-    decisions.append(row);
+    decisions.append(Dict("decision", decision.what, "choice", decision.choice, "evidence", decision.evidence,
+                          "seconds", decision.seconds));
   }
   nb::dict settled;
   for (const OptionText& option : ListOptions(result.settled))
   {
     settled[option.info.name] = option.value;
   }
-  nb::dict answer;
-  Field field(std::move(result.field), std::move(provenance), std::move(keptError));
+  Field field{std::move(result.field), std::move(provenance), {}, std::move(keptError)};
   field.view = std::move(result.view);
-  answer["field"] = nb::cast(std::move(field));
-  answer["log"] = log;
-  answer["decisions"] = decisions;
-  answer["poses"] = PosesToArray(result.imageToReference);
-  answer["options"] = settled;
-  answer["iterations"] = result.iterations;
-  answer["seconds"] = result.seconds;
-  answer["device"] = result.device;
-  answer["aborted"] = result.aborted;
-  answer["finished"] = result.finished;
-  answer["training_frames"] = result.trainingFrames;
-  answer["validation_frames"] = result.validationFrames;
-  answer["held_out_frames"] = result.heldOutFrames;
-  return answer;
+  return Dict("field", std::move(field), "log", ToPython(result.log), "decisions", decisions, "poses",
+              PosesToArray(result.imageToReference), "options", settled, "iterations", result.iterations, "seconds",
+              result.seconds, "device", result.device, "aborted", result.aborted, "finished", result.finished,
+              "training_frames", result.trainingFrames, "validation_frames", result.validationFrames, "held_out_frames",
+              result.heldOutFrames);
 }
 
-/// The exception as an object. Before Python 3.12 one that was raised without arguments may have none yet.
-nb::object ValueOf(nb::python_error& error)
+/// Where a training's state is kept, and where it goes on from.
+Checkpoints Keep(CheckpointFile& file, double interval, bool resume)
 {
-  PyObject *type, *value, *trace;
-  error.restore();
-  PyErr_Fetch(&type, &value, &trace);
-  PyErr_NormalizeException(&type, &value, &trace);
-  if (trace)
+  Checkpoints checkpoints;
+  file.Lock();
+  checkpoints.interval = interval;
+  checkpoints.save = [&file](const std::string& state) { file.Write(state); };
+  if (resume && file.Exists())
   {
-    PyException_SetTraceback(value, trace);
+    checkpoints.resume = file.Read();
   }
-  Py_XDECREF(type);
-  Py_XDECREF(trace);
-  return nb::steal(value);
+  return checkpoints;
 }
 
-/// The triple of what came of it, what ended it (None, or the exception that Ctrl-C or `progress` raised) and warnings.
-/// The state is kept in the file `checkpoint`, unless that is empty, every `interval` seconds.
+/// The triple of what came of it, a function that raises what ended it, if Ctrl-C or `progress` did, and warnings. The state
+/// is kept in the file `checkpoint`, unless that is empty, every `interval` seconds.
 nb::object TrainOn(std::shared_ptr<Sweep> sweep, const std::map<std::string, std::string>& values, const Field* start,
                    nb::object progress, const std::string& checkpoint, double interval, bool resume, bool keepsError)
 {
@@ -107,50 +92,18 @@ nb::object TrainOn(std::shared_ptr<Sweep> sweep, const std::map<std::string, std
   std::optional<GaussianField> from;  // its own, because other threads may write to the arrays meanwhile
   if (start)
   {
-    from = *start;
+    from = start->field;
   }
-  nb::object exception = nb::none();
-  const auto tell = [&](const TrainingProgress& now)
-  {
-    const nb::gil_scoped_acquire lock;
-    try
-    {
-      if (PyErr_CheckSignals() != 0)
-      {
-        throw nb::python_error();
-      }
-      if (progress.is_none())
-      {
-        return true;
-      }
-      const nb::object answer = progress(now.fraction, NameOf(now.phase), now.secondsLeft, now.record.iteration,
-                                         now.record.gaussians, now.record.loss);
-      return !answer.is(nb::bool_(false));
-    }
-    catch (nb::python_error& error)
-    {
-      exception = ValueOf(error);
-      return false;
-    }
-  };
+  const auto calls = std::make_shared<PythonProgress>(std::move(progress));
+  const auto tell = [&calls](const TrainingProgress& now) { return (*calls)(now.fraction, ProgressText(now)); };
   TrainingResult result;
   std::vector<std::string> provenance, warnings;
   std::string keptError;
   {
     const nb::gil_scoped_release others;
     CheckpointFile file(checkpoint, [&warnings](const std::string& what) { warnings.push_back(what); });
-    Checkpoints checkpoints;
-    if (!checkpoint.empty())
-    {
-      file.Lock();
-      checkpoints.interval = interval;
-      checkpoints.save = [&file](const std::string& state) { file.Write(state); };
-      if (resume && file.Exists())
-      {
-        checkpoints.resume = file.Read();
-      }
-    }
-    result = Train(sweep, options, from ? &*from : nullptr, tell, checkpoints);
+    result = Train(sweep, options, from ? &*from : nullptr, tell,
+                   checkpoint.empty() ? Checkpoints() : Keep(file, interval, resume));
     for (const Finding& finding : result.findings)
     {
       warnings.push_back(Describe(finding, AllFrames(*sweep)));
@@ -172,7 +125,8 @@ nb::object TrainOn(std::shared_ptr<Sweep> sweep, const std::map<std::string, std
       warnings.push_back(std::string("The field keeps no standard error: ") + error.what());
     }
   }
-  return nb::make_tuple(ToPython(result, std::move(provenance), std::move(keptError)), exception, warnings);
+  return nb::make_tuple(ToPython(result, std::move(provenance), std::move(keptError)),
+                        nb::cpp_function([calls] { calls->Rethrow(); }), warnings);
 }
 
 nb::list Options()
@@ -180,20 +134,14 @@ nb::list Options()
   nb::list rows;
   for (const OptionText& option : ListOptions())
   {
-    nb::dict row;
-    row["name"] = option.info.name;
-    row["keyword"] = SpellOption(option.info.name, '_');
-    row["group"] = option.info.group;
-    row["help"] = option.info.help;
-    row["unit"] = option.info.unit;
-    row["values"] = option.values;
-    row["type"] = option.kind == OptionText::Kind::Switch   ? "bool"
-                  : option.kind != OptionText::Kind::Number ? "str"
-                  : option.isWhole                          ? "int"
-                                                            : "float";
-    row["default"] = option.value;
-    row["open"] = option.info.open;
-    rows.append(row);
+    const OptionInfo& info = option.info;
+    const char* type = option.kind == OptionText::Kind::Switch   ? "bool"
+                       : option.kind != OptionText::Kind::Number ? "str"
+                       : option.isWhole                          ? "int"
+                                                                 : "float";
+    rows.append(Dict("name", info.name, "keyword", SpellOption(info.name, '_'), "group", info.group, "help", info.help,
+                     "unit", info.unit, "values", option.values, "type", type, "default", option.value, "open",
+                     info.open));
   }
   return rows;
 }
@@ -202,8 +150,8 @@ nb::list Options()
 
 void BindTraining(nb::module_& m)
 {
-  m.def("train", &TrainOn, nb::arg("sweep"), nb::arg("options"), nb::arg("start").none(), nb::arg("progress").none(),
-        nb::arg("checkpoint"), nb::arg("interval"), nb::arg("resume"), nb::arg("keeps_error"));
+  m.def("train", &TrainOn, "sweep"_a, "options"_a, "start"_a.none(), "progress"_a.none(), "checkpoint"_a, "interval"_a,
+        "resume"_a, "keeps_error"_a);
   m.def("options", &Options,
         "Every option of training: name, keyword, group, help, unit, values, type, default, open.");
   m.def(
@@ -213,8 +161,8 @@ void BindTraining(nb::module_& m)
         TrainerOptions options;
         SetOption(options, name, value);
       },
-      nb::arg("name"), nb::arg("value"), "Raises Error for a value that the option cannot have.");
-  m.def("number_text", &NumberText, nb::arg("value"));
+      "name"_a, "value"_a, "Raises Error for a value that the option cannot have.");
+  m.def("number_text", &NumberText, "value"_a);
 }
 
 }  // namespace bigus

@@ -16,7 +16,7 @@ from typing import Any, Optional
 import bigus
 import numpy as np
 from bigus import _core
-from bigus.algorithm import NO_ERROR, Algorithm, Clamped, properties
+from bigus.algorithm import Algorithm, Clamped, extent_of, guarded, properties
 from bigus.settings import SLICER
 from bigus.vtkdata import axes_across, field_of_polydata, place_image, plane_on, shadow, share_label_names
 from bigus.vtkdata import shifted_to_first_pixel, sweep_of_image, to_vtk
@@ -24,7 +24,7 @@ from paraview.modules.vtkRemotingServerManager import vtkSMSettings
 from paraview.util.vtkAlgorithm import smproperty, smproxy
 from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkCommonDataModel import vtkDataObject, vtkDataSetAttributes
-from vtkmodules.vtkCommonExecutionModel import vtkAlgorithm, vtkStreamingDemandDrivenPipeline
+from vtkmodules.vtkCommonExecutionModel import vtkStreamingDemandDrivenPipeline
 
 paraview_plugin_name = "BIGUS"
 paraview_plugin_version = bigus.__version__
@@ -38,33 +38,20 @@ LARGEST_SIDE = 16384  # pixels, as in the C++ class
 class vtkBigusFieldSlice(Algorithm):
     """A slice of a field as one image at its place; the C++ class of this name tells what each property means."""
 
-    _inputs, _outputs = ("vtkPolyData", "vtkImageData"), ("vtkImageData",)
+    _inputs, _outputs, _optional = ("vtkPolyData", "vtkImageData"), ("vtkImageData",), (1,)
 
-    def _begin(self) -> None:
-        self._slicer, self._slicer_key, self._labelled = None, None, None
-        self._sweep, self._sweep_time = None, 0
-
-    def FillInputPortInformation(self, port: int, info: Any) -> int:
-        if port == 1:
-            info.Set(vtkAlgorithm.INPUT_IS_OPTIONAL(), 1)
-        return super().FillInputPortInformation(port, info)
-
+    @guarded
     def RequestInformation(self, request: Any, inputs: Any, outputs: Any) -> int:
-        self._error_code = NO_ERROR
         width, height = self._values["Size"]
-        try:
-            if not 1 <= min(width, height) <= max(width, height) <= LARGEST_SIDE:
-                raise bigus.Error(f"Size is {width} x {height}; give 1 to {LARGEST_SIDE} columns and rows.")
-            if self._values["Frame"] >= 0:
-                sweep = inputs[1].GetInformationObject(0)
-                if sweep is None:
-                    raise bigus.Error(f"Frame is {self._values['Frame']} but there is no sweep; connect the sweep, or set "
-                                      "Frame to -1 to use the plane.")
-                first_i, last_i, first_j, last_j = (
-                    sweep.Get(vtkStreamingDemandDrivenPipeline.WHOLE_EXTENT(), k) for k in range(4))
-                width, height = last_i - first_i + 1, last_j - first_j + 1
-        except Exception as error:
-            return self._fail(error)
+        if not 1 <= min(width, height) <= max(width, height) <= LARGEST_SIDE:
+            raise bigus.Error(f"Size is {width} x {height}; give 1 to {LARGEST_SIDE} columns and rows.")
+        if self._values["Frame"] >= 0:
+            sweep = inputs[1].GetInformationObject(0)
+            if sweep is None:
+                raise bigus.Error(f"Frame is {self._values['Frame']} but there is no sweep; connect the sweep, or set "
+                                  "Frame to -1 to use the plane.")
+            first_i, last_i, first_j, last_j = extent_of(sweep, vtkStreamingDemandDrivenPipeline.WHOLE_EXTENT())[:4]
+            width, height = last_i - first_i + 1, last_j - first_j + 1
         info = outputs.GetInformationObject(0)
         info.Set(vtkStreamingDemandDrivenPipeline.WHOLE_EXTENT(), (0, width - 1, 0, height - 1, 0, 0), 6)
         return 1
@@ -98,14 +85,13 @@ class vtkBigusFieldSlice(Algorithm):
         frame, scattering = self._values["Frame"], self._values["OutputMode"] == 1
         matrix = self._at_frame(recorded) if frame >= 0 else self._at_plane(polydata)
         width, height = recorded.GetDimensions()[:2] if frame >= 0 else self._values["Size"]
-        settings = {name: self._values[name] for name in SLICER}
-        settings["Engine"] = settings["Engine"] or "auto"
+        engine, *others = (self._values[name] for name in SLICER)
+        settings = (engine or "auto", *others)
         label = self._values["LabelValue"] if self._values["OutputMode"] == 2 else None
-        key = (polydata.GetMTime(), *settings.values(), label)
-        if self._slicer is None or self._slicer_key != key:  # kept while the plane moves
-            self._field, self._slicer_key, self._labelled = field_of_polydata(polydata), key, None
-            self._slicer = _core.Renderer(self._field, *settings.values(), True, label)
-        image, coverage = self._slicer.render(matrix[None], width, height, scattering, True)
+        time = polydata.GetMTime()
+        field = self._while("field", time, lambda: field_of_polydata(polydata))
+        slicer = self._while("slicer", (time, settings, label), lambda: _core.Renderer(field, *settings, True, label))
+        image, coverage = slicer.render(matrix[None], width, height, scattering, True)
 
         output.SetExtent(0, width - 1, 0, height - 1, 0, 0)
         place_image(output, matrix)
@@ -113,23 +99,21 @@ class vtkBigusFieldSlice(Algorithm):
         arrays.SetScalars(to_vtk(image.ravel(), ("Intensity", "Scattering", "LabelShare")[self._values["OutputMode"]]))
         arrays.AddArray(to_vtk(coverage.ravel(), "Coverage"))
         if recorded is not None:
-            if self._sweep is None or self._sweep_time != recorded.GetMTime():
-                self._sweep, self._sweep_time = sweep_of_image(recorded)[0], recorded.GetMTime()
-            distance = bigus.distance_to_frames(self._sweep, matrix, (width, height))
+            sweep = self._while("sweep", recorded.GetMTime(), lambda: sweep_of_image(recorded)[0])
+            distance = bigus.distance_to_frames(sweep, matrix, (width, height))
             arrays.AddArray(to_vtk(distance.ravel(), "Distance"))
         if self._values["StandardError"]:
-            arrays.AddArray(to_vtk(bigus.standard_error(self._field, matrix, (width, height)).ravel(), "StandardError"))
+            arrays.AddArray(to_vtk(bigus.standard_error(field, matrix, (width, height)).ravel(), "StandardError"))
         if self._values["Labels"]:
-            if self._labelled is None:
-                self._labelled = _core.LabelRenderer(self._field, settings["Engine"], settings["ElevationSigma"])
-            arrays.AddArray(to_vtk(self._labelled.render(matrix, width, height).ravel(), "Labels"))
+            labelled = self._while("labels", (time, settings[:2]), lambda: _core.LabelRenderer(field, *settings[:2]))
+            arrays.AddArray(to_vtk(labelled.render(matrix, width, height).ravel(), "Labels"))
             share_label_names(polydata, output)
         if frame >= 0:
             count = width * height
             pixels = vtk_to_numpy(recorded.GetPointData().GetScalars())[frame * count:(frame + 1) * count]
             arrays.AddArray(to_vtk(pixels, "Recorded"))
         if self._values["HideUnseen"]:
-            unseen = coverage.ravel() <= max(0.0, self._values["CoverageThreshold"]) * self._slicer.mean_coverage
+            unseen = coverage.ravel() <= max(0.0, self._values["CoverageThreshold"]) * slicer.mean_coverage
             arrays.AddArray(to_vtk((unseen * vtkDataSetAttributes.HIDDENPOINT).astype(np.uint8),
                                    vtkDataSetAttributes.GhostArrayName()))
 

@@ -52,17 +52,11 @@ void Add(LiveSession& session, const InputBytes& pixels, const InputDoubles& pos
   session.Add(std::move(frame));
 }
 
-Array Render(LiveSession& session, const InputDoubles& pose, int width, int height)
+Array Render(LiveSession& session, const Eigen::Matrix4d& pose, int width, int height)
 {
-  RequireShape(pose, {4, 4}, "the plane");
-  const SlicePlane plane = SlicePlane::FromImageToReference(MatrixAt(pose.data()), width, height);
-  plane.Validate("slice plane");
-  std::vector<float> image(plane.NumberOfPixels());
-  {
-    const nb::gil_scoped_release others;
-    session.Render(plane, ViewOutput::Intensity, image.data());
-  }
-  return Owned(std::move(image), {static_cast<std::size_t>(height), static_cast<std::size_t>(width)});
+  return PictureAt<float>(pose, width, height,
+                          [&](const SlicePlane& plane, float* pixels)
+                          { session.Render(plane, ViewOutput::Intensity, pixels); });
 }
 
 Field Finish(LiveSession& session, double seconds, nb::object function)
@@ -87,29 +81,22 @@ Field Finish(LiveSession& session, double seconds, nb::object function)
                                });
     while (finished.wait_for(kReport) == std::future_status::timeout)
     {
-      stop = !progress(fraction) || stop;
+      stop = !progress(fraction.load()) || stop;
     }
     result = finished.get();
     SetProvenanceLine(provenance, "filter", "vtkBigusLiveTrainer");
     AddTrainingProvenance(provenance, result.training, *result.sweep, false);
   }
   progress.Rethrow();
-  return Field(std::move(result.training.field), std::move(provenance));
+  return {std::move(result.training.field), std::move(provenance), {}};
 }
 
 nb::dict StateOf(const LiveSession& session)
 {
   const LiveSession::State state = session.GetState();
-  nb::dict answer;
-  answer["frames"] = state.frames;
-  answer["passed_over"] = state.passedOver;
-  answer["dropped"] = state.dropped;
-  answer["refused"] = state.refused;
-  answer["last_error"] = ToText(state.lastError);
-  answer["waiting"] = state.waiting;
-  answer["gaussians"] = state.gaussians;
-  answer["steps"] = state.steps;
-  return answer;
+  return Dict("frames", state.frames, "passed_over", state.passedOver, "dropped", state.dropped, "refused",
+              state.refused, "last_error", ToText(state.lastError), "waiting", state.waiting, "gaussians",
+              state.gaussians, "steps", state.steps);
 }
 
 void Bind(nb::module_& m)
@@ -121,7 +108,10 @@ void Bind(nb::module_& m)
       .def("wait", &LiveSession::Wait, nb::call_guard<nb::gil_scoped_release>(), "Returns when no frame waits.")
       .def("render", &Render, nb::arg("pose"), nb::arg("width"), nb::arg("height"))
       .def(
-          "field", [](LiveSession& session) { return Field(session.Field()); },
+          "field",
+          [](LiveSession& session) {
+            return Field{session.Field(), {}, {}};
+          },
           nb::call_guard<nb::gil_scoped_release>(), "The field as it is now.")
       .def("finish", &Finish, nb::arg("seconds"), nb::arg("progress") = nb::none())
       .def("state", &StateOf, "What became of the frames.");

@@ -11,11 +11,11 @@ import numpy as np
 from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkCommonCore import VTK_UNSIGNED_CHAR
 from vtkmodules.vtkCommonDataModel import vtkDataObject, vtkImageData
-from vtkmodules.vtkCommonExecutionModel import vtkAlgorithm, vtkStreamingDemandDrivenPipeline
+from vtkmodules.vtkCommonExecutionModel import vtkStreamingDemandDrivenPipeline
 from vtkmodules.vtkCommonMath import vtkMatrix4x4
 
 from . import _core
-from .algorithm import Algorithm, Clamped, getters, matrix_of, properties
+from .algorithm import Algorithm, Clamped, getters, guarded, matrix_of, properties
 from .vtkdata import image_of, place_image, polydata_of_field, shifted_to_first_pixel, sweep_of_image
 
 __all__ = ["vtkBigusLiveTrainer"]
@@ -38,7 +38,7 @@ def _times(sweep: Any, last: float) -> np.ndarray:
 class vtkBigusLiveTrainer(Algorithm):
     """A field that grows while frames come, by AddFrame and AddSweep, or from a sweep that is played as input."""
 
-    _inputs, _outputs = ("vtkImageData",), ("vtkPolyData",)
+    _inputs, _outputs, _optional = ("vtkImageData",), ("vtkPolyData",), (0,)
 
     def _begin(self) -> None:
         self._end_session()
@@ -59,26 +59,24 @@ class vtkBigusLiveTrainer(Algorithm):
             self._values["FinishTime"] = seconds
             self.Modified()
 
+    @guarded
     def AddFrame(self, image: Optional[vtkImageData], image_to_reference: Optional[vtkMatrix4x4],
                  seconds: float) -> bool:
-        try:
-            if image is None or image.GetNumberOfPoints() == 0:
-                raise _core.Error("Live frame: there is no image.")
-            if image_to_reference is None:
-                raise _core.Error("There is no matrix.")
-            width, height, depth = image.GetDimensions()
-            components, kind = image.GetNumberOfScalarComponents(), image.GetScalarType()
-            if (kind, components, depth) != (VTK_UNSIGNED_CHAR, 1, 1):
-                raise _core.Error(
-                    f"Live frame: the image has {components} components of {image.GetScalarTypeAsString()} and {depth} "
-                    "slices; it must have one of unsigned char, and one slice. Use vtkImageLuminance for colours, "
-                    "vtkImageShiftScale for other types.")
-            pose = shifted_to_first_pixel(matrix_of(image_to_reference), image.GetExtent())
-            pixels = vtk_to_numpy(image.GetPointData().GetScalars()).reshape(height, width)
-            self._live().add(np.ascontiguousarray(pixels), np.ascontiguousarray(pose), float(seconds))
-            self._last = float(seconds)
-        except Exception as error:
-            return bool(self._fail(error))
+        if image is None or image.GetNumberOfPoints() == 0:
+            raise _core.Error("Live frame: there is no image.")
+        if image_to_reference is None:
+            raise _core.Error("There is no matrix.")
+        width, height, depth = image.GetDimensions()
+        components, kind = image.GetNumberOfScalarComponents(), image.GetScalarType()
+        if (kind, components, depth) != (VTK_UNSIGNED_CHAR, 1, 1):
+            raise _core.Error(
+                f"Live frame: the image has {components} components of {image.GetScalarTypeAsString()} and {depth} "
+                "slices; it must have one of unsigned char, and one slice. Use vtkImageLuminance for colours, "
+                "vtkImageShiftScale for other types.")
+        pose = shifted_to_first_pixel(matrix_of(image_to_reference), image.GetExtent())
+        pixels = vtk_to_numpy(image.GetPointData().GetScalars()).reshape(height, width)
+        self._live().add(np.ascontiguousarray(pixels), np.ascontiguousarray(pose), float(seconds))
+        self._last = float(seconds)
         return True
 
     def _hand_over(self, sweep: Any, times: np.ndarray, first: int, last: int,
@@ -97,28 +95,24 @@ class vtkBigusLiveTrainer(Algorithm):
             session.wait()
         return last - first
 
+    @guarded
     def AddSweep(self, image: Optional[vtkImageData]) -> bool:
-        try:
-            sweep, _ = sweep_of_image(image)
-            self._hand_over(sweep, _times(sweep, self._last), 0, len(sweep))
-        except Exception as error:
-            return bool(self._fail(error))
+        sweep, _ = sweep_of_image(image)
+        self._hand_over(sweep, _times(sweep, self._last), 0, len(sweep))
         return True
 
+    @guarded
     def RenderSlice(self, image_to_reference: Optional[vtkMatrix4x4], width: int, height: int,
                     slice: Optional[vtkImageData]) -> bool:
-        try:
-            if image_to_reference is None:
-                raise _core.Error("There is no matrix.")
-            if slice is None:
-                raise _core.Error("There is no image to render into.")
-            pose = matrix_of(image_to_reference)
-            picture = image_of(self._live().render(np.ascontiguousarray(pose), width, height)[None])
-            place_image(picture, pose)
-            slice.Initialize()
-            slice.ShallowCopy(picture)
-        except Exception as error:
-            return bool(self._fail(error))
+        if image_to_reference is None:
+            raise _core.Error("There is no matrix.")
+        if slice is None:
+            raise _core.Error("There is no image to render into.")
+        pose = matrix_of(image_to_reference)
+        picture = image_of(self._live().render(np.ascontiguousarray(pose), width, height)[None])
+        place_image(picture, pose)
+        slice.Initialize()
+        slice.ShallowCopy(picture)
         return True
 
     def Reset(self) -> None:
@@ -128,10 +122,6 @@ class vtkBigusLiveTrainer(Algorithm):
     @property
     def _state(self) -> dict:
         return {} if self._session is None else self._session.state()
-
-    def FillInputPortInformation(self, port: int, info: Any) -> int:
-        info.Set(vtkAlgorithm.INPUT_IS_OPTIONAL(), 1)
-        return super().FillInputPortInformation(port, info)
 
     def RequestInformation(self, request: Any, inputs: Any, outputs: Any) -> int:
         pipeline, info = vtkStreamingDemandDrivenPipeline, outputs.GetInformationObject(0)

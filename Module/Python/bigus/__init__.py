@@ -38,17 +38,18 @@ for _library in [found.name for found in pkgutil.iter_modules(__path__) if found
     globals().update({name: value for name, value in _classes.items() if name.startswith("vtkBigus")})
 
 from ._update import instruction_sets, use_instruction_set
-from .arrays import frames, image, poses, sweep
+from .arrays import image
+from .common import Planes, PoseCorrection, TrainingInterrupted
+from .functions import Training, check, correct_poses, frames, mean, metrics, poses, read, read_field, read_planes, read_spacing
+from .functions import read_stack, read_sweep, reslice, standard_error, sweep, train, write
 from .pipeline import update
 from .sources import SourceError, from_files
-from .tasks import Planes, TrainingInterrupted, check, correct_poses, label, label_map, mean, metrics, read, read_field, read_planes
-from .tasks import read_spacing, read_stack, read_sweep, reslice, standard_error, texture, train, write
+from .tasks import label, label_map, texture
 
 from . import pickling  # noqa: F401,E402
 
-__all__ = ["Planes", "SourceError", "TrainingInterrupted", "check", "correct_poses", "frames", "from_files", "image", "label", "label_map", "mean", "metrics", "poses", "sweep", "texture", "train"]
-__all__ += ["instruction_sets", "read", "read_field", "read_planes", "read_spacing", "read_stack", "read_sweep", "reslice", "standard_error", "update", "use_instruction_set", "write"]
-__all__ += [name for name in globals() if name.startswith("vtkBigus")]
+_MODULES = {name for name, value in globals().items() if isinstance(value, type(pkgutil))}
+__all__ = [name for name in globals() if name[0] != "_" and name not in _MODULES]
 
 
 def __dir__() -> list:

@@ -10,8 +10,6 @@ import numpy as np
 from vtkmodules.util.numpy_support import numpy_to_vtk, vtk_to_numpy
 from vtkmodules.vtkCommonDataModel import vtkImageData
 
-from .common import check_sweep
-
 
 def _pixels(data: vtkImageData) -> np.ndarray:
     """[depth, height, width] view of an image's scalars."""
@@ -24,16 +22,10 @@ def _pixels(data: vtkImageData) -> np.ndarray:
     return vtk_to_numpy(scalars).reshape(depth, height, width)
 
 
-def frames(sweep: vtkImageData) -> np.ndarray:
-    """The frames of a sweep: [frames, height, width], a view of the sweep's own pixels."""
-    return _pixels(sweep)
+frames = _pixels
 
 
 def poses(sweep: vtkImageData) -> np.ndarray:
-    """ImageToReference of every frame: float64 [frames, 4, 4], a view of the sweep's own array.
-
-    ``poses(sweep)[k] @ (i, j, 0, 1)`` is where pixel column i, row j of frame k lies, mm.
-    """
     matrices = sweep.GetFieldData().GetArray("ImageToReference")
     if matrices is None:
         raise ValueError("the image has no ImageToReference array: it is not a tracked sweep")
@@ -64,35 +56,12 @@ def image(pixels: np.ndarray) -> vtkImageData:
     return data
 
 
-def sweep(
-    frames: np.ndarray,
-    poses: np.ndarray,
-    timestamps: Optional[np.ndarray] = None,
-    mask: Optional[np.ndarray] = None,
-) -> vtkImageData:
-    """A tracked sweep of arrays.
-
-    frames: [frames, height, width], uint8, uint16 (full range is white) or float32 in [0, 1]; memory is shared.
-    poses: [frames, 4, 4], ImageToReference, pixel indices to mm.
-    timestamps: [frames], seconds.
-    mask: [height, width], 0 where the probe never lights a pixel.
-    """
-    pixels = np.asarray(frames)
-    matrices = np.ascontiguousarray(poses, dtype=np.float64)
-    check_sweep(pixels, matrices)
+def make_sweep(pixels: np.ndarray, poses: np.ndarray, times: Optional[np.ndarray], lit: Optional[np.ndarray]) -> vtkImageData:
+    """Of arrays that fit each other."""
     data = image(pixels)
-
-    def attach(name: str, values: np.ndarray, components: int, count: int) -> None:
-        if values.size != components * count:
-            raise ValueError(f"{name} has {values.size} values; {components * count} are needed")
-        array = numpy_to_vtk(values.reshape(count, components))
-        array.SetName(name)
-        data.GetFieldData().AddArray(array)
-
-    attach("ImageToReference", matrices, 16, len(pixels))
-    if timestamps is not None:
-        attach("Timestamp", np.ascontiguousarray(timestamps, dtype=np.float64), 1, len(pixels))
-    if mask is not None:
-        lit = np.ascontiguousarray(np.asarray(mask) != 0, dtype=np.uint8)
-        attach("Mask", lit, 1, pixels.shape[1] * pixels.shape[2])
+    for name, values in (("ImageToReference", poses.reshape(-1, 16)), ("Timestamp", times), ("Mask", lit)):
+        if values is not None:
+            array = numpy_to_vtk(values.ravel() if name == "Mask" else values)
+            array.SetName(name)
+            data.GetFieldData().AddArray(array)
     return data

@@ -43,12 +43,6 @@ class Planes(NamedTuple):
     rejections: str  # which poses were left out and why, in a sentence; empty when none was
 
 
-def is_lps(world: str) -> bool:
-    if world not in ("RAS", "LPS"):
-        raise ValueError(f"world is RAS or LPS, not {world!r}")
-    return world == "LPS"
-
-
 def pixel_matrix(matrix: np.ndarray, spacing: Union[None, float, Sequence[float]] = None) -> np.ndarray:
     """A plane's matrix with columns of this spacing and its third column along the normal, of length 1."""
     try:
@@ -96,28 +90,21 @@ def checked_size(size: Sequence[int]) -> tuple[int, int]:
     return width, height
 
 
-def pixels_of_mean(sigma: np.ndarray, where: Any) -> np.ndarray:
-    """Which pixels a mean is of: those of which the standard error is known, of those that are chosen."""
-    known = ~np.isnan(sigma)
-    if where is not None:
-        if np.shape(where) != known.shape:
-            raise ValueError(f"mean: where has the shape {np.shape(where)}; the image has {known.shape}.")
-        known &= np.asarray(where, bool)
-    if not known.any():
-        raise ValueError("mean: no pixel was chosen of which the training frames tell.")
-    return known
+def view(centers: np.ndarray, plane: Any, size: Any, spacing: Any) -> tuple[np.ndarray, tuple[int, int]]:
+    """The matrix of a plane's pixels, and how many there are; by default as many as reach the last Gaussian."""
+    matrix = pixel_matrix(plane, spacing)
+    return matrix, checked_size(size if size is not None else size_of_view(centers, matrix))
 
 
 # ----------------------------------------------------------------------------------------------------------------------
 # Sweeps
 
 
-def check_sweep(frames: np.ndarray, poses: np.ndarray) -> None:
-    """Raises ValueError unless the shapes are those of a sweep."""
-    if frames.ndim != 3 or 0 in frames.shape:
-        raise ValueError(f"frames have shape (frames, height, width), not {frames.shape}")
-    if poses.shape != (len(frames), 4, 4):
-        raise ValueError(f"{len(frames)} frames need poses of shape ({len(frames)}, 4, 4), not {poses.shape}")
+def doubles(values: Any, name: str) -> np.ndarray:
+    try:
+        return np.ascontiguousarray(values, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise TypeError(f"{name} must be numbers: {error}") from None
 
 
 class PoseCorrection(NamedTuple):
@@ -136,26 +123,14 @@ class PoseCorrection(NamedTuple):
     steps: list[dict[str, Any]]  # that were judged: from, to, share, share_error, gain (dB), gain_error, revisit_share and _error, taken
 
 
-# The columns of vtkBigusPoseCorrection's table of steps.
-STEP_COLUMNS = {"from": "From", "to": "To", "share": "Share", "share_error": "ShareError", "gain": "Gain",
-                "gain_error": "GainError", "revisit_share": "RevisitShare",
-                "revisit_error": "RevisitError", "taken": "Taken"}  # fmt: skip
+# What a step tells, as a column of vtkBigusPoseCorrection's table.
+STEP_COLUMNS: dict[str, type] = {**dict.fromkeys(("from", "to", "share", "share_error", "gain", "gain_error", "revisit_share",
+                                                  "revisit_error"), float), "taken": bool}  # fmt: skip
+SCORES = ("PSNR", "SSIM", "BFS", "MeanContrast", "ContrastDistribution", "Rayleigh")  # of an image beside the truth
 
 
 # ----------------------------------------------------------------------------------------------------------------------
 # Training
-
-# What the documentation of train says in both packages.
-SEVERAL_SWEEPS = """A list of sweeps of one patient in one reference frame trains one field. Poses are corrected and frames held
-    out in each by itself; frames and poses of the second are counted on from those of the first, and so on."""
-CHECKPOINTS = """checkpoint is a file that keeps the state of the training: every checkpoint_interval seconds, 0 or more, and when
-    it is stopped, by Ctrl-C or a time limit. A training that finishes removes it. With resume=True training goes on from
-    there with the bits of one that never stopped, or begins where there is no such file. One of another sweep, start or
-    option is a RuntimeError that says which; one that cannot be written is a RuntimeWarning."""
-PROGRESS = """progress(fraction, text) is called now and then, it may be in another thread; when it returns False training stops
-    there and gives the best field so far. Without it tqdm, where it is installed, draws a bar in a terminal or a notebook; progress=False draws none.
-    Other Python threads run meanwhile. Ctrl-C raises TrainingInterrupted, a KeyboardInterrupt that keeps the best so far.
-    start is a field to continue from."""
 
 
 class TrainingInterrupted(KeyboardInterrupt):
@@ -176,16 +151,6 @@ def label_pixels(labels: Any) -> np.ndarray:
     if pixels.size and (pixels.min() < 0 or pixels.max() > 255):
         raise ValueError(f"labels lie between 0 (none) and 255, not between {pixels.min()} and {pixels.max()}")
     return np.ascontiguousarray(pixels, dtype=np.uint8)
-
-
-def training_inputs(sweep: Any, start: Any, sweep_kind: type, field_kind: type) -> list:
-    """The sweeps that train was called with; it was called with data of these kinds, or TypeError."""
-    sweeps = list(sweep) if isinstance(sweep, (list, tuple)) else [sweep]
-    for one in sweeps or [None]:
-        require(one, sweep_kind, "train", "sweep")
-    if start is not None:
-        require(start, field_kind, "train", "field as start")
-    return sweeps
 
 
 def checkpoint_path(checkpoint: Union[None, str, os.PathLike], resume: bool, interval: float) -> str:

@@ -1074,7 +1074,7 @@ def from_files(images: Path, poses: Optional[Path] = None, **options: Any) -> An
     """
     import warnings
 
-    from .arrays import sweep
+    from .functions import sweep
 
     loaded = load(images, poses, **options)
     for note in loaded.notes:

@@ -1,11 +1,11 @@
 # SPDX-FileCopyrightText: BIGUS authors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Read, train, reslice, score, write: one call each."""
+"""How VTK's classes do what functions.py offers, and labels."""
 
 from __future__ import annotations
 
 import os
-from typing import Any, Callable, Mapping, NamedTuple, Optional, Sequence, Union
+from typing import Any, Callable, Mapping, Optional, Sequence, Union
 
 import numpy as np
 from vtkmodules.util.numpy_support import numpy_to_vtk, vtk_to_numpy
@@ -15,58 +15,42 @@ from vtkmodules.vtkCommonMath import vtkMatrix4x4
 
 from . import _update, common
 from .arrays import _pixels, image
-from .common import FIELD_EXTENSIONS, Planes, PoseCorrection, TrainingInterrupted, path_text, require
+from .common import require
 from .names import snake_case
 from .pipeline import set_properties, update, update_alone
 from .vtkBigusFilters import vtkBigusFieldLabeler, vtkBigusImageMetrics, vtkBigusPoseCorrection, vtkBigusReslice, vtkBigusSweepInspection
 from .vtkBigusFilters import vtkBigusTrainer
-from .vtkBigusIO import (
-    vtkBigusFieldReader,
-    vtkBigusFieldWriter,
-    vtkBigusLabelReader,
-    vtkBigusPoseReader,
-    vtkBigusSequenceReader,
-    vtkBigusSequenceWriter,
-)
+from .vtkBigusIO import vtkBigusFieldReader, vtkBigusFieldWriter, vtkBigusLabelReader, vtkBigusPoseReader, vtkBigusSequenceReader
+from .vtkBigusIO import vtkBigusSequenceWriter
 
-
-def read(path: Union[str, os.PathLike], **properties: Any) -> Union[vtkImageData, vtkPolyData]:
-    """Reads a field (.vtp, .ply: vtkPolyData) or else a tracked sweep (vtkImageData), by the name of the file.
-
-    properties are those of vtkBigusFieldReader or vtkBigusSequenceReader: ``read("sweep.igs.mha", to_frame="Tracker")``, or
-    ToFrame. Raises RuntimeError when the file cannot be read.
-    """
-    is_field = path_text(path).lower().endswith(FIELD_EXTENSIONS)
-    return (read_field if is_field else read_sweep)(path, **properties)
-
-
-def read_sweep(path: Union[str, os.PathLike], **properties: Any) -> vtkImageData:
-    """Reads a tracked sweep, with the properties of vtkBigusSequenceReader."""
-    return _read(vtkBigusSequenceReader(), path, properties)
-
-
-def read_field(path: Union[str, os.PathLike], **properties: Any) -> vtkPolyData:
-    """Reads a field (.vtp, .ply), with the properties of vtkBigusFieldReader."""
-    return _read(vtkBigusFieldReader(), path, properties)
+Field, Sweep = vtkPolyData, vtkImageData
+OPTIONS: dict[str, dict[str, Any]] = {}  # for signatures; help() of the classes has them here
+OPTION_LINES = ["    help(bigus.vtkBigusTrainer) lists them."]
 
 
 def _read(reader: Any, path: Union[str, os.PathLike], properties: dict[str, Any]) -> Any:
-    reader.SetFileName(path_text(path))
+    reader.SetFileName(common.path_text(path))
     set_properties(reader, properties)
     return update_alone(reader).GetOutput()
 
 
-def read_stack(path: Union[str, os.PathLike]) -> tuple[np.ndarray, Optional[np.ndarray]]:
-    """The frames of a sequence [frames, height, width], and their times in seconds or None; poses may be missing."""
-    sequence = read(path, RequirePoses=False, AutoMask=False)
+def read_sweep(name: str, properties: dict[str, Any]) -> vtkImageData:
+    return _read(vtkBigusSequenceReader(), name, properties)
+
+
+def read_field(name: str, properties: dict[str, Any]) -> vtkPolyData:
+    return _read(vtkBigusFieldReader(), name, properties)
+
+
+def read_stack(name: str) -> tuple[np.ndarray, Optional[np.ndarray]]:
+    sequence = read_sweep(name, {"RequirePoses": False, "AutoMask": False})
     times = sequence.GetFieldData().GetArray("Timestamp")
     return _pixels(sequence), None if times is None else vtk_to_numpy(times).copy()
 
 
-def read_spacing(path: Union[str, os.PathLike]) -> tuple[float, float]:
-    """The size of a pixel along i and j, mm, that the header of a sequence or an image states; 0 where it states none."""
+def read_spacing(name: str) -> tuple[float, float]:
     reader = vtkBigusSequenceReader()
-    reader.SetFileName(path_text(path))
+    reader.SetFileName(name)
     reader.RequirePosesOff()
     reader.UpdateInformation()
     spacing = [0.0, 0.0]
@@ -74,143 +58,76 @@ def read_spacing(path: Union[str, os.PathLike]) -> tuple[float, float]:
     return spacing[0], spacing[1]
 
 
-def read_planes(path: Union[str, os.PathLike], spacing: float = 0.5, world: str = "RAS", **properties: Any) -> Planes:
-    """Slice planes: poses of a sequence or a CSV, 3D Slicer's planes and lines (.mrk.json) and transforms (.tfm, .h5).
-
-    spacing: mm a pixel, for 3D Slicer's planes and lines. world: the patient system that the field's world stands for,
-    "RAS" as 3D Slicer shows tracked sequences, or "LPS"; only 3D Slicer's files look at it.
-    properties: those of vtkBigusPoseReader, such as ToFrame. Raises RuntimeError when the file cannot be read.
-    """
+def read_planes(name: str, spacing: float, is_lps: bool, properties: dict[str, Any]) -> list:
     reader = vtkBigusPoseReader()
-    reader.SetFileName(path_text(path))
+    reader.SetFileName(name)
     reader.SetPixelSpacing(spacing)
-    reader.SetWorldCoordinateSystem(reader.LPS if common.is_lps(world) else reader.RAS)
+    reader.SetWorldCoordinateSystem(reader.LPS if is_lps else reader.RAS)
     set_properties(reader, properties)
     table = update(reader).GetOutput()
-    columns = {name: table.GetColumnByName(name) for name in ("ImageToReference", "Size", "SourceFrame", "Timestamp")}
-    arrays = {name: None if column is None else vtk_to_numpy(column).copy() for name, column in columns.items()}
-    poses = arrays["ImageToReference"].reshape(-1, 4, 4)
-    return Planes(poses, arrays["Size"], arrays["SourceFrame"], arrays["Timestamp"], reader.GetRejectionSummary())
+    columns = [table.GetColumnByName(name) for name in ("ImageToReference", "Size", "SourceFrame", "Timestamp")]
+    poses, *others = [None if column is None else vtk_to_numpy(column).copy() for column in columns]
+    return [poses.reshape(-1, 4, 4), *others, reader.GetRejectionSummary()]
 
 
-def write(data: Union[vtkImageData, vtkPolyData], path: Union[str, os.PathLike], **properties: Any) -> None:
-    """Writes a field (vtkPolyData, to .vtp or .ply) or a tracked sweep (vtkImageData, to .igs.mha).
-
-    properties are those of vtkBigusFieldWriter or vtkBigusSequenceWriter. Raises RuntimeError on failure, and then
-    leaves no file behind.
-    """
+def write(data: Any, name: str, properties: dict[str, Any]) -> None:
     writer = vtkBigusFieldWriter() if isinstance(data, vtkPolyData) else vtkBigusSequenceWriter()
-    writer.SetFileName(path_text(path))
+    writer.SetFileName(name)
     writer.SetInputDataObject(data)
     set_properties(writer, properties)
     update(writer)
 
 
-def check(sweep: vtkImageData, keep: str = "none") -> list[dict]:
-    """What is wrong with a sweep, a dictionary a finding: kind, frames (how many), pixels, applied, text.
+def _rows(table: vtkTable, **kinds: type) -> list[dict[str, Any]]:
+    """The rows of a table, of columns by their names in snake case, with values of these kinds."""
+    columns = {name: table.GetColumnByName(column) for column in map(table.GetColumnName, range(table.GetNumberOfColumns()))
+               if (name := snake_case(column)) in kinds}  # fmt: skip
+    return [{name: kind(columns[name].GetValue(row)) for name, kind in kinds.items()} for row in range(table.GetNumberOfRows())]
 
-    keep: kinds that nothing is done about, as the property Keep of vtkBigusTrainer.
-    """
-    require(sweep, vtkImageData, "check", "sweep")
+
+def check(sweep: vtkImageData, keep: str) -> list[dict]:
     inspection = vtkBigusSweepInspection()
     inspection.SetInputDataObject(sweep)
     inspection.SetKeep(keep)
-    table = update(inspection).GetFindings()
-    rows = range(table.GetNumberOfRows())
-    numbers = [{name.lower(): table.GetValueByName(row, name).ToInt() for name in ("Frames", "Pixels")} for row in rows]
-    return [{"kind": table.GetValueByName(row, "Kind").ToString(), **numbers[row],
-             "applied": table.GetValueByName(row, "Applied").ToInt() != 0,
-             "text": table.GetValueByName(row, "Text").ToString()} for row in rows]  # fmt: skip
+    return _rows(update(inspection).GetFindings(), kind=str, frames=int, pixels=int, applied=bool, text=str)
 
 
-def correct_poses(sweep: vtkImageData, **properties: Any) -> PoseCorrection:
-    """Takes the tracker's noise out of a sweep's poses, where its pictures confirm it; exact poses are kept.
-
-    properties are those of vtkBigusPoseCorrection: Strength (negative, the default: chosen by evidence) and HoldOut.
-    """
-    require(sweep, vtkImageData, "correct_poses", "sweep")
+def correct_poses(sweep: vtkImageData, properties: dict[str, Any]) -> dict[str, Any]:
     correction = vtkBigusPoseCorrection()
     correction.SetInputDataObject(sweep)
     set_properties(correction, properties)
     corrected = update_alone(correction).GetOutput()
     data = corrected.GetFieldData()
     decision = data.GetAbstractArray("PoseDecision")
-    return PoseCorrection(
-        corrected,
-        vtk_to_numpy(data.GetArray("PoseDisplacement")),
-        vtk_to_numpy(data.GetArray("PoseRotation")),
-        vtk_to_numpy(data.GetArray("PoseOutlier")) != 0,
-        dict(zip(("translation", "rotation", "corner"), data.GetArray("TrackerNoise").GetTuple3(0))),
-        correction.GetChosenStrength(),
-        {"choice": decision.GetValue(0), "evidence": decision.GetValue(1)},
-        _steps(correction.GetSteps()),
-    )
+    found = {name: vtk_to_numpy(data.GetArray("Pose" + name.capitalize())) for name in ("displacement", "rotation", "outlier")}
+    return {
+        **found,
+        "sweep": corrected,
+        "outlier": found["outlier"] != 0,
+        "noise": dict(zip(("translation", "rotation", "corner"), data.GetArray("TrackerNoise").GetTuple3(0))),
+        "strength": correction.GetChosenStrength(),
+        "decision": {"choice": decision.GetValue(0), "evidence": decision.GetValue(1)},
+        "steps": _rows(correction.GetSteps(), **common.STEP_COLUMNS),
+    }
 
 
-def _steps(table: vtkTable) -> list[dict[str, Any]]:
-    columns = {key: vtk_to_numpy(table.GetColumnByName(name)) for key, name in common.STEP_COLUMNS.items()}
-    columns["taken"] = columns["taken"] != 0
-    return [{key: values[row].item() for key, values in columns.items()} for row in range(table.GetNumberOfRows())]
+def size(field: vtkPolyData) -> int:
+    return field.GetNumberOfPoints()
 
 
-class _FieldAndLog(NamedTuple):
-    field: vtkPolyData
-    log: vtkTable
-
-
-class Training(_FieldAndLog):
-    """The field and the training log, as a pair; and decisions, what the training rested on, and poses.
-
-    decisions is a list of dicts: decision, choice, evidence ("given" where the property was set) and seconds, what
-    finding out cost. It is empty when nothing was decided.
-
-    poses, float64 [frames, 4, 4], are ImageToReference of every frame as the field was trained at, the tracker's noise
-    taken out where pictures confirmed it. The field belongs to these, not to poses(sweep).
-    """
-
-    decisions: list[dict[str, Any]]
-    poses: np.ndarray
-
-    def __repr__(self) -> str:
-        return f"<bigus.Training of {self.field.GetNumberOfPoints()} Gaussians>"
-
-
-def train(
-    sweep: Union[vtkImageData, Sequence[vtkImageData]],
-    progress: Union[None, bool, Callable[[float, str], Optional[bool]]] = None,
-    start: Optional[vtkPolyData] = None,
-    checkpoint: Union[None, str, os.PathLike] = None,
-    resume: bool = False,
-    checkpoint_interval: float = 60,
-    **properties: Any,
-) -> Training:
-    """Trains a field on a sweep; gives the pair of the field and the training log, with the decisions.
-
-    {SEVERAL_SWEEPS}
-
-    What no property sets is decided by short trainings scored on frames set aside, or, with Automatic=False, from the
-    sweep's geometry. To force all of it: Gaussians, ElevationSigma (mm), SignedReflectivity, VirtualPlanes,
-    Interpolation ("normals" or "probe", each with "+flow", "+rough" or "+smooth" after it), FrameGains, Iterations.
-    Preset="texture" asks for speckle as strong as in the frames, at a price in error.
-
-    {PROGRESS}
-    properties are those of vtkBigusTrainer: HoldOut or hold_out.
-
-    {CHECKPOINTS}
-    """
-    sweeps = common.training_inputs(sweep, start, vtkImageData, vtkPolyData)
+def train(sweeps: list, start: Optional[vtkPolyData], keeping: tuple[str, float, bool], keeps_error: bool,
+          properties: dict[str, Any], progress: Optional[Callable]) -> tuple[dict[str, Any], Callable[[], None]]:
+    """What came of it, and a function that raises what ended it, if Ctrl-C or `progress` did."""
     trainer = vtkBigusTrainer()
     for one in sweeps:
         trainer.AddInputDataObject(0, one)
     if start is not None:
         trainer.SetInputDataObject(1, start)
+    trainer.SetKeepStandardError(keeps_error)
     set_properties(trainer, properties)
-    path = common.checkpoint_path(checkpoint, resume, checkpoint_interval)
+    path = keeping[0]
     if path:
-        _update.keep_checkpoints(trainer, path, float(checkpoint_interval), bool(resume))
-    bar = common.bar_for(progress)
-    if progress is None or progress is True:
-        progress = bar
+        _update.keep_checkpoints(trainer, *keeping)
     failure: list[BaseException] = []
 
     def on_progress(caller: Any, event: str) -> None:
@@ -229,35 +146,34 @@ def train(
     try:
         update_alone(trainer)
     except KeyboardInterrupt as interrupt:
-        raise TrainingInterrupted(_result(trainer)) from interrupt
-    finally:
-        if bar:
-            bar.close()
-    if failure:
-        raise failure[0]
-    if path and trainer.GetFinished() and os.path.isfile(path):
+        failure.insert(0, interrupt)
+    if path and not failure and trainer.GetFinished() and os.path.isfile(path):
         os.remove(path)
-    return _result(trainer)
+
+    def rethrow() -> None:
+        if failure:
+            raise failure[0]
+
+    return _result(trainer), rethrow
 
 
-train.__doc__ = (train.__doc__ or "").format(**vars(common))
-
-
-def _result(trainer: vtkBigusTrainer) -> Training:
-    training = Training(trainer.GetOutputDataObject(0), trainer.GetOutputDataObject(1))
+def _result(trainer: vtkBigusTrainer) -> dict[str, Any]:
     poses = trainer.GetCorrectedPoses()
-    training.poses = np.empty((0, 4, 4)) if poses is None else vtk_to_numpy(poses).reshape(-1, 4, 4)
-    table = trainer.GetDecisions()
-    training.decisions = [
-        {
-            "decision": table.GetValueByName(row, "Decision").ToString(),
-            "choice": table.GetValueByName(row, "Choice").ToString(),
-            "evidence": table.GetValueByName(row, "Evidence").ToString(),
-            "seconds": table.GetValueByName(row, "Seconds").ToDouble(),
-        }
-        for row in range(table.GetNumberOfRows())
-    ]
-    return training
+    names = [trainer.GetOptionName(index) for index in range(trainer.GetNumberOfOptions())]
+    frames = {name: getattr(trainer, "Get" + name)() for name in ("TrainingFrames", "ValidationFrames", "HeldOutFrames")}
+    return {
+        "field": trainer.GetOutputDataObject(0),
+        "log": trainer.GetLog(),
+        "decisions": _rows(trainer.GetDecisions(), decision=str, choice=str, evidence=str, seconds=float),
+        "poses": np.empty((0, 4, 4)) if poses is None else vtk_to_numpy(poses).reshape(-1, 4, 4),
+        "options": {name: trainer.GetSettledOption(name) for name in names},
+        "device": trainer.GetDevice(),
+        "iterations": trainer.GetIterationsDone(),
+        "seconds": trainer.GetSeconds(),
+        "aborted": trainer.GetAborted(),
+        "finished": trainer.GetFinished(),
+        **{snake_case(name): vtk_to_numpy(numbers).tolist() for name, numbers in frames.items()},
+    }
 
 
 def _reslice(field: vtkPolyData, plane: Any, size: Any, spacing: Any, caller: str) -> vtkBigusReslice:
@@ -265,11 +181,8 @@ def _reslice(field: vtkPolyData, plane: Any, size: Any, spacing: Any, caller: st
     require(field, vtkPolyData, caller, "field")
     if isinstance(plane, vtkMatrix4x4):
         plane = [[plane.GetElement(row, column) for column in range(4)] for row in range(4)]
-    matrix = common.pixel_matrix(plane, spacing)
-    if size is None:
-        points = field.GetPoints()
-        size = common.size_of_view(vtk_to_numpy(points.GetData()) if points else (), matrix)
-    width, height = common.checked_size(size)
+    points = field.GetPoints()
+    matrix, (width, height) = common.view(vtk_to_numpy(points.GetData()) if points else (), plane, size, spacing)
     axes = vtkMatrix4x4()
     axes.DeepCopy(matrix.ravel())
     filter = vtkBigusReslice()
@@ -279,66 +192,18 @@ def _reslice(field: vtkPolyData, plane: Any, size: Any, spacing: Any, caller: st
     return filter
 
 
-def reslice(
-    field: vtkPolyData,
-    plane: Union[np.ndarray, vtkMatrix4x4],
-    size: Optional[Sequence[int]] = None,
-    spacing: Union[None, float, Sequence[float]] = None,
-    **properties: Any,
-) -> np.ndarray:
-    """The image that the field predicts at a plane: float32 [height, width] in [0, 1).
-
-    plane: 4 x 4 ImageToReference: pixel (i, j, 0, 1) to mm, as in ``poses(sweep)``.
-    size: (width, height) in pixels; by default the image starts at pixel (0, 0) and reaches to the field's far end.
-    spacing: pixel size, mm, one number or (along i, along j); by default the length of the matrix's columns.
-    properties: those of vtkBigusReslice, such as ``elevation_sigma=0`` or ``ElevationSigma=0``,
-    ``OutputMode=vtkBigusReslice.ScatteringField`` (then signed values) or ``OutputScalarType=VTK_UNSIGNED_CHAR``.
-
-    For many planes of one field, and for the coverage, use a vtkBigusReslice: it uploads the field only once.
-    """
+def reslice(field: vtkPolyData, plane: Any, size: Any, spacing: Any, properties: dict[str, Any]) -> np.ndarray:
     filter = _reslice(field, plane, size, spacing, "reslice")
     set_properties(filter, properties)
     return _pixels(update_alone(filter).GetOutput())[0]
 
 
-def standard_error(
-    field: vtkPolyData,
-    plane: Union[np.ndarray, vtkMatrix4x4],
-    size: Optional[Sequence[int]] = None,
-    spacing: Union[None, float, Sequence[float]] = None,
-) -> np.ndarray:
-    """How far what a probe would show may be from ``reslice`` at the same plane: a standard deviation for every pixel.
-
-    float32 [height, width] in units of intensity (1 is white), NaN where the training frames do not tell. The field must
-    keep what it rests on, as ``train`` lets it; else a RuntimeError says so.
-    """
-    filter = _reslice(field, plane, size, spacing, "standard_error")
+def image_and_error(field: vtkPolyData, plane: Any, size: Any, spacing: Any, caller: str) -> tuple[np.ndarray, np.ndarray, Callable]:
+    """The image at a plane, its standard error, and what tells that of a mean over pixels that are not 0."""
+    filter = _reslice(field, plane, size, spacing, caller)
     filter.GenerateStandardErrorOutputOn()
-    return _pixels(update_alone(filter).GetStandardErrorOutput())[0]
-
-
-def mean(
-    field: vtkPolyData,
-    plane: Union[np.ndarray, vtkMatrix4x4],
-    size: Optional[Sequence[int]] = None,
-    spacing: Union[None, float, Sequence[float]] = None,
-    where: Optional[np.ndarray] = None,
-) -> tuple[float, float]:
-    """The mean of ``reslice`` at a plane, and its standard error: (0.31, 0.004).
-
-    where: bool [height, width], the pixels to take; by default all of which ``standard_error`` tells.
-    Errors of pixels beside each other are alike, so a mean over n pixels is less sure than their standard error divided
-    by the root of n: how much less was measured by the training. The field must keep it, as ``train`` lets it.
-    """
-    filter = _reslice(field, plane, size, spacing, "mean")
-    filter.GenerateStandardErrorOutputOn()
-    image = _pixels(update_alone(filter).GetOutput())[0]
-    sigma = filter.GetStandardErrorOutput()
-    known = common.pixels_of_mean(_pixels(sigma)[0], where)
-    chosen = vtkImageData()
-    chosen.SetDimensions(sigma.GetDimensions())
-    chosen.GetPointData().SetScalars(numpy_to_vtk(known.astype(np.uint8).ravel(), deep=True))
-    return float(image[known].mean()), filter.GetStandardErrorOfMean(chosen)
+    pictures = _pixels(update_alone(filter).GetOutput())[0], _pixels(filter.GetStandardErrorOutput())[0]
+    return (*pictures, lambda chosen: filter.GetStandardErrorOfMean(image(chosen)))
 
 
 def label(
@@ -398,28 +263,16 @@ def label_map(
     return _pixels(update_alone(filter).GetLabelOutput())[0]
 
 
-def _compare(a: Union[np.ndarray, vtkImageData], b: Union[np.ndarray, vtkImageData]) -> vtkBigusImageMetrics:
+def _compare(a: Any, b: Any) -> vtkBigusImageMetrics:
     filter = vtkBigusImageMetrics()
-    filter.SetInputDataObject(0, a if isinstance(a, vtkImageData) else image(a))
-    filter.SetInputDataObject(1, b if isinstance(b, vtkImageData) else image(b))
+    for port, one in enumerate((a, b)):
+        filter.SetInputDataObject(port, one if isinstance(one, vtkImageData) else image(one))
     return update_alone(filter)
 
 
-def metrics(a: Union[np.ndarray, vtkImageData], b: Union[np.ndarray, vtkImageData]) -> dict[str, float]:
-    """How close image a is to the truth b: both [height, width] or [frames, height, width], or vtkImageData.
-
-    uint8 pixels are divided by 255, floating-point ones must lie in [0, 1]. Gives psnr (dB), ssim, bfs and the three
-    terms of bfs: mean_contrast, contrast_distribution, rayleigh; each the mean over frames.
-    """
+def metrics(a: Any, b: Any) -> dict[str, float]:
     filter = _compare(a, b)
-    return {
-        "psnr": filter.GetPSNR(),
-        "ssim": filter.GetSSIM(),
-        "bfs": filter.GetBFS(),
-        "mean_contrast": filter.GetMeanContrast(),
-        "contrast_distribution": filter.GetContrastDistribution(),
-        "rayleigh": filter.GetRayleigh(),
-    }
+    return {snake_case(name): getattr(filter, "Get" + name)() for name in common.SCORES}
 
 
 def texture(a: Union[np.ndarray, vtkImageData], b: Union[np.ndarray, vtkImageData]) -> dict[str, Any]:

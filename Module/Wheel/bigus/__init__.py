@@ -24,13 +24,13 @@ from typing import TYPE_CHECKING, Any
 from ._core import Error, Field, Sweep, __version__, engines, instruction_sets, missing_engines
 from ._core import added_filters as _added_filters
 from ._core import use_instruction_set
-from .arrays import field, frames, poses, sweep
+from .arrays import field
 from .common import Planes, PoseCorrection, TrainingInterrupted
-from .files import read, read_field, read_planes, read_spacing, read_stack, read_sweep, write
+from .functions import Training, check, correct_poses, frames, mean, metrics, poses, read, read_field, read_planes, read_spacing
+from .functions import read_stack, read_sweep, reslice, standard_error, sweep, train, write
 from .names import no_such
 from .sources import SourceError, from_files
-from .tasks import Phantom, Slicer, Training, check, correct_poses, distance_to_frames, label, label_map, mean, metrics
-from .tasks import options, plane, reslice, standard_error, train
+from .tasks import Phantom, Slicer, distance_to_frames, label, label_map, options, plane
 
 if TYPE_CHECKING:  # what is loaded, with VTK, when it is asked for
     from .field_filters import *

@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import functools
 import inspect
 import os
 import weakref
@@ -90,57 +91,50 @@ def _methods(name: str, default: Any) -> dict[str, Callable]:
     return methods
 
 
+def _adds(*methods: dict[str, Callable]) -> Callable[[type], type]:
+    def decorate(cls: type) -> type:
+        for some in methods:
+            add_methods(cls, some)
+        return cls
+
+    return decorate
+
+
 def properties(**defaults: Any) -> Callable[[type], type]:
     """Adds Set<Name> and Get<Name> for every name, and what its kind of default has besides, such as <Name>On."""
+    kinds = (Clamped, Choice)
+    plain = {name: None if isinstance(default, Open) else default.value if isinstance(default, kinds) else default
+             for name, default in defaults.items()}  # fmt: skip
 
     def decorate(cls: type) -> type:
-        kinds = (Clamped, Choice)
-        plain = {name: None if isinstance(default, Open) else default.value if isinstance(default, kinds) else default
-                 for name, default in defaults.items()}
         cls.defaults = {**getattr(cls, "defaults", {}), **plain}
-        for name, default in defaults.items():
-            add_methods(cls, _methods(name, default))
-        return cls
+        return _adds(*(_methods(name, default) for name, default in defaults.items()))(cls)
 
     return decorate
 
 
 def parts(*names: str) -> Callable[[type], type]:
     """Adds Set<Name> and Get<Name> of objects, None at first, whose changes are followed."""
-
-    def decorate(cls: type) -> type:
-        for name in names:
-            add_methods(cls, {"Set" + name: lambda self, part, name=name: self._set_part(name, part),
-                              "Get" + name: lambda self, name=name: self._parts.get(name)})
-        return cls
-
-    return decorate
+    return _adds(*({"Set" + name: lambda self, part, name=name: self._set_part(name, part),
+                    "Get" + name: lambda self, name=name: self._parts.get(name)} for name in names))  # fmt: skip
 
 
 def ports(**names: int) -> Callable[[type], type]:
     """Adds Get<Name> and Get<Name>Port of outputs by their numbers."""
-
-    def decorate(cls: type) -> type:
-        for name, number in names.items():
-            add_methods(cls, {"Get" + name: lambda self, number=number: self.GetOutputDataObject(number),
-                              f"Get{name}Port": lambda self, number=number: self.GetOutputPort(number)})
-        return cls
-
-    return decorate
+    return _adds(*({"Get" + name: lambda self, number=number: self.GetOutputDataObject(number),
+                    f"Get{name}Port": lambda self, number=number: self.GetOutputPort(number)} for name, number in names.items()))
 
 
 def getters(source: str, **names: tuple[str, Any]) -> Callable[[type], type]:
     """Adds Get<Name> of what the dict in attribute `source` has for a key, or of a default."""
 
-    def decorate(cls: type) -> type:
-        for name, (key, default) in names.items():
-            def get(self: Any, key: str = key, default: Any = default) -> Any:
-                return getattr(self, source).get(key, default)
+    def of(key: str, default: Any) -> Callable:
+        def get(self: Any) -> Any:
+            return getattr(self, source).get(key, default)
 
-            add_methods(cls, {"Get" + name: fills(get) if isinstance(default, tuple) else get})
-        return cls
+        return fills(get) if isinstance(default, tuple) else get
 
-    return decorate
+    return _adds({"Get" + name: of(*found) for name, found in names.items()})
 
 
 def add_methods(cls: type, methods: dict[str, Callable]) -> None:
@@ -194,6 +188,22 @@ def fills(method: Callable) -> Callable:
     return get
 
 
+def guarded(method: Callable) -> Callable:
+    """What the method raises is reported as VTK's algorithms report errors, and then it gives 0."""
+
+    @functools.wraps(method)
+    def run(self: Any, *arguments: Any) -> Any:
+        self._error_code = NO_ERROR
+        try:
+            return method(self, *arguments)
+        except Exception as error:
+            self._report("ErrorEvent", str(error))
+            self._error_code = USER_ERROR
+            return 0
+
+    return run
+
+
 class Algorithm(VTKPythonAlgorithmBase):
     """Values of properties, and errors as VTK's own algorithms report them.
 
@@ -204,6 +214,8 @@ class Algorithm(VTKPythonAlgorithmBase):
     defaults: dict[str, Any] = {}
     _inputs: Sequence[str] = ()
     _outputs: Sequence[str] = ()
+    _optional: Sequence[int] = ()  # ports of inputs
+    _repeatable: Sequence[int] = ()
     InputType = OutputType = ""  # of VTK's class, which sets them
 
     def __init_subclass__(cls) -> None:
@@ -219,6 +231,7 @@ class Algorithm(VTKPythonAlgorithmBase):
         self._error_code = NO_ERROR
         self._parts: dict[str, Any] = {}  # objects that the algorithm follows
         self._tags: dict[str, int] = {}
+        self._kept: dict[str, tuple] = {}
         VTKPythonAlgorithmBase.__init__(self, nInputPorts=len(self._inputs), nOutputPorts=len(self._outputs))
         self._begin()
         set_properties(self, properties)
@@ -245,6 +258,8 @@ class Algorithm(VTKPythonAlgorithmBase):
 
     def FillInputPortInformation(self, port: int, info: Any) -> int:
         info.Set(vtkAlgorithm.INPUT_REQUIRED_DATA_TYPE(), self._inputs[port])
+        info.Set(vtkAlgorithm.INPUT_IS_OPTIONAL(), int(port in self._optional))
+        info.Set(vtkAlgorithm.INPUT_IS_REPEATABLE(), int(port in self._repeatable))
         return 1
 
     def FillOutputPortInformation(self, port: int, info: Any) -> int:
@@ -274,14 +289,23 @@ class Algorithm(VTKPythonAlgorithmBase):
         filled = [vtkDataObject.GetData(info) for info in infos_of(outputs)]
         for output in filled:
             output.Initialize()
-        self._error_code = NO_ERROR
-        try:
-            self._fill([[vtkDataObject.GetData(info) for info in infos_of(port)] for port in inputs], filled)
-        except Exception as error:
+        done = self._fill_all([[vtkDataObject.GetData(info) for info in infos_of(port)] for port in inputs], filled)
+        if not done:
             for output in filled:
                 output.Initialize()
-            return self._fail(error)
+        return done
+
+    @guarded
+    def _fill_all(self, data: list, outputs: list) -> int:
+        self._fill(data, outputs)
         return 1
+
+    def _while(self, name: str, key: Any, make: Callable[[], Any]) -> Any:
+        """What make() gave, while the key stays as it is."""
+        if self._kept.get(name, (None,))[0] != key:
+            self._kept.pop(name, None)
+            self._kept[name] = (key, make())
+        return self._kept[name][1]
 
     def _update_input(self, port: int = 0) -> Any:
         """Brings an input up to date before data are asked for; it."""
@@ -315,11 +339,6 @@ class Algorithm(VTKPythonAlgorithmBase):
             vtkOutputWindow.GetInstance().DisplayErrorText(f"ERROR: {self.GetClassName()}: {text}\n")
         else:
             vtkOutputWindow.GetInstance().DisplayWarningText(f"Warning: {self.GetClassName()}: {text}\n")
-
-    def _fail(self, error: BaseException) -> int:
-        self._report("ErrorEvent", str(error))
-        self._error_code = USER_ERROR
-        return 0
 
     def _go_on(self, fraction: float, text: Optional[str] = None) -> bool:
         """Reports progress; False when the algorithm was asked to stop."""

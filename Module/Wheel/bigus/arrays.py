@@ -1,78 +1,33 @@
 # SPDX-FileCopyrightText: BIGUS authors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Sweeps and fields of numpy arrays, and their arrays."""
+"""Sweeps and fields of numpy arrays."""
 
 from __future__ import annotations
 
 import copyreg
-from typing import TYPE_CHECKING, Optional, Sequence
+from typing import TYPE_CHECKING, Optional
 
 import numpy as np
 
 from ._core import Field, Sweep, sweep_of_bytes, sweep_of_floats
-from .common import check_sweep
+from .common import doubles
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
 
-def _doubles(values: object, name: str) -> np.ndarray:
-    try:
-        return np.ascontiguousarray(values, dtype=np.float64)
-    except (TypeError, ValueError) as error:
-        raise TypeError(f"{name} must be numbers: {error}") from None
-
-
-def sweep(
-    frames: ArrayLike,
-    poses: ArrayLike,
-    timestamps: Optional[ArrayLike] = None,
-    mask: Optional[ArrayLike] = None,
-    spacing: Optional[Sequence[float]] = None,
-) -> Sweep:
-    """A tracked sweep of arrays.
-
-    frames: [frames, height, width], uint8, uint16 (65535 is white), bool, or floats in [0, 1]. C-contiguous uint8 and
-        float32 are not copied: do not write to them while the sweep is used.
-    poses: [frames, 4, 4], ImageToReference: pixel (column i, row j, 0, 1), counted from 0, to mm.
-    timestamps: [frames], seconds.
-    mask: [height, width], 0 where the probe never lights a pixel.
-    spacing: (along i, along j) mm a pixel, for poses that are rigid and count in mm; they are multiplied by it.
-
-    Raises ValueError for shapes that do not fit, TypeError for pixels of another type, and Error, which names the frame
-    and the value, for poses and pixels that are not sound.
-    """
-    pixels, matrices = np.asarray(frames), _doubles(poses, "poses")
-    check_sweep(pixels, matrices)
-    if pixels.dtype == np.bool_:
-        pixels = pixels.astype(np.uint8)
-    elif pixels.dtype == np.uint16:
+def make_sweep(pixels: np.ndarray, poses: np.ndarray, times: Optional[np.ndarray], lit: Optional[np.ndarray]) -> Sweep:
+    """Of contiguous arrays that fit each other."""
+    if pixels.dtype == np.uint16:
         pixels = pixels.astype(np.float32) / np.float32(65535)
-    elif pixels.dtype != np.uint8:
-        if pixels.dtype.kind != "f":
-            raise TypeError(f"frames are uint8, uint16, bool or floats in [0, 1], not {pixels.dtype}")
-        pixels = pixels.astype(np.float32, copy=False)
-    if spacing is not None:
-        sides = _doubles(spacing, "spacing")
-        if sides.shape != (2,) or not (np.isfinite(sides).all() and (sides > 0).all()):
-            raise ValueError(f"spacing is two positive numbers, mm along i and j, not {spacing}")
-        matrices = matrices @ np.diag([*sides, 1.0, 1.0])
-    make = sweep_of_bytes if pixels.dtype == np.uint8 else sweep_of_floats
-    lit = None if mask is None else np.ascontiguousarray(np.asarray(mask) != 0, dtype=np.uint8)
-    times = None if timestamps is None else _doubles(timestamps, "timestamps")
-    return make(np.ascontiguousarray(pixels), np.ascontiguousarray(matrices), times, lit)
+    return (sweep_of_bytes if pixels.dtype == np.uint8 else sweep_of_floats)(pixels, poses, times, lit)
 
 
 def frames(sweep: Sweep) -> np.ndarray:
-    """The frames of a sweep: uint8 or float32 [frames, height, width], a view that cannot be written to."""
     return sweep.frames
 
 
 def poses(sweep: Sweep) -> np.ndarray:
-    """ImageToReference of every frame: float64 [frames, 4, 4], a view that cannot be written to.
-
-    ``poses(sweep)[k] @ (i, j, 0, 1)`` is where pixel column i, row j of frame k lies, mm.
-    """
     return sweep.poses
 
 
@@ -95,22 +50,15 @@ def field(
 
     Raises ValueError for shapes that do not fit and Error, which names the array, the index and the value.
     """
-    means = _doubles(centers, "centers")
+    means = doubles(centers, "centers")
     if rotations is None:
         rotations = np.tile([1.0, 0.0, 0.0, 0.0], (len(means), 1))
-    return Field.make(
-        means,
-        _doubles(scales, "scales"),
-        _doubles(rotations, "rotations"),
-        _doubles(reflectivities, "reflectivities"),
-        float(gamma),
-        float(elevation_sigma),
-        float(probe_elevation_sigma),
-        np.empty((0, 3)) if trained_normals is None else _doubles(trained_normals, "trained_normals"),
-    )
+    normals = np.empty((0, 3)) if trained_normals is None else doubles(trained_normals, "trained_normals")
+    return Field.make(means, doubles(scales, "scales"), doubles(rotations, "rotations"), doubles(reflectivities, "reflectivities"),
+                      float(gamma), float(elevation_sigma), float(probe_elevation_sigma), normals)
 
 
-# Copies for pickle, by positional arguments of the functions above.
+# What pickle keeps: positional arguments of the functions above.
 def _field_with_more(more: dict, *arguments: object) -> Field:
     made = field(*arguments)
     for name, value in more.items():
@@ -119,16 +67,15 @@ def _field_with_more(more: dict, *arguments: object) -> Field:
 
 
 def _reduce_field(data: Field) -> tuple:
-    arrays = (data.centers, data.scales, data.reflectivities, data.rotations)
-    sigmas = (data.elevation_sigma, data.probe_elevation_sigma)
-    values = (*(np.array(a) for a in arrays), data.gamma, *sigmas, np.array(data.trained_normals))
-    more = {name: getattr(data, name) for name in ("provenance", "kept_error", "view_arrays", "label_arrays")}
-    return _field_with_more, (more, *values)
+    values = (data.centers, data.scales, data.reflectivities, data.rotations, data.gamma, data.elevation_sigma,
+              data.probe_elevation_sigma, data.trained_normals)
+    return _field_with_more, ({name: getattr(data, name) for name in ("provenance", "kept_error", "view_arrays", "label_arrays")},
+                              *map(np.array, values))
 
 
 def _reduce_sweep(data: Sweep) -> tuple:
-    parts = (data.timestamps, data.mask)
-    return sweep, (np.array(data.frames), np.array(data.poses), *(None if p is None else np.array(p) for p in parts))
+    arrays = (data.frames, data.poses, data.timestamps, data.mask)
+    return make_sweep, tuple(None if one is None else np.array(one, order="C") for one in arrays)
 
 
 copyreg.pickle(Field, _reduce_field)

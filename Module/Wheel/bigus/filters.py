@@ -23,12 +23,11 @@ from vtkmodules.vtkCommonMath import vtkMatrix4x4
 from vtkmodules.vtkImagingCore import vtkImageStencilData
 
 from . import _core
-from .algorithm import NO_ERROR, Algorithm, Choice, Clamped, Open, add_methods, extent_of, fills, getters, infos_of, matrix_of
+from .algorithm import Algorithm, Choice, Clamped, Open, add_methods, extent_of, fills, getters, guarded, infos_of, matrix_of
 from .algorithm import parts, ports, properties, table_of, tell_image, transform_matrix
-from .files import read_field, write
+from .functions import TrainingInterrupted, read_field, train, write
 from .names import snake_case
 from .settings import FIELD_OUTPUT, SEQUENCE, SEQUENCE_OUTPUT, SLICER
-from .tasks import TrainingInterrupted, train
 from .vtkdata import field_of_polydata, image_of, polydata_of_field, poses_of_image, provenance_of, share_label_names
 from .vtkdata import sweep_of_image, to_vtk
 
@@ -42,6 +41,16 @@ __all__ = [
 # Readers and writers
 
 
+def _file_name(algorithm: Algorithm) -> str:
+    if not algorithm._values["FileName"]:
+        raise _core.Error("FileName is not set")
+    return algorithm._values["FileName"]
+
+
+def _settings(algorithm: Algorithm) -> dict[str, Any]:
+    return {name: value for name, value in algorithm._values.items() if name != "FileName"}
+
+
 class _Source(Algorithm):
     """A reader: the file is read once, when information is asked for."""
 
@@ -49,18 +58,12 @@ class _Source(Algorithm):
         self._time, self._data = 0, None
         self._found: dict[str, Any] = {}
 
+    @guarded
     def _load(self) -> int:
-        if self._data is not None and self._time == self.GetMTime():
-            return 1
-        self._error_code = NO_ERROR
-        self._data = None
-        try:
-            if not self._values["FileName"]:
-                raise _core.Error("FileName is not set")
-            self._data = self._read(self._values["FileName"])
-        except Exception as error:
-            return self._fail(error)
-        self._time = self.GetMTime()
+        if self._data is None or self._time != self.GetMTime():
+            self._data = None
+            self._data = self._read(_file_name(self))
+            self._time = self.GetMTime()
         return 1
 
     def RequestData(self, request: Any, inputs: Any, outputs: Any) -> int:
@@ -105,18 +108,12 @@ class vtkBigusSequenceReader(_Source):
 
     def _read(self, name: str) -> vtkImageData:
         self._found = {}
-        settings = {key: value for key, value in self._values.items() if key != "FileName"}
-        found = _core.read_sequence(name, **settings)
+        found = _core.read_sequence(name, **_settings(self))
         image = image_of(found["pixels"])
-        data = image.GetFieldData()
-        if found["poses"] is not None:
-            data.AddArray(to_vtk(found["poses"].reshape(-1, 16), "ImageToReference"))
-        data.AddArray(to_vtk(found["status"], "Status"))
-        data.AddArray(to_vtk(found["source_frames"], "SourceFrame"))
-        if found["timestamps"] is not None:
-            data.AddArray(to_vtk(found["timestamps"], "Timestamp"))
-        if found["mask"] is not None:
-            data.AddArray(to_vtk(found["mask"].ravel(), "Mask"))
+        for array, values in (("ImageToReference", found["poses"]), ("Status", found["status"]), ("Timestamp", found["timestamps"]),
+                              ("SourceFrame", found["source_frames"]), ("Mask", found["mask"])):
+            if values is not None:
+                image.GetFieldData().AddArray(to_vtk(values.reshape(-1, 16) if values.ndim == 3 else values.ravel(), array))
         for caution in found["warnings"]:
             self._report("WarningEvent", caution)
         self._found = found
@@ -166,16 +163,13 @@ class vtkBigusSequenceReader(_Source):
 
 
 class _Writer(Algorithm):
+    _of = staticmethod(field_of_polydata)  # what is written
+
+    @guarded
     def Write(self) -> int:
         """1 when the file has been written; else 0, with an error, and no file is left behind."""
-        self._error_code = NO_ERROR
-        try:
-            if not self._values["FileName"]:
-                raise _core.Error("FileName is not set")
-            settings = {key: value for key, value in self._values.items() if key != "FileName"}
-            self._write(self._update_input(), self._values["FileName"], settings)
-        except Exception as error:
-            return self._fail(error)
+        name = _file_name(self)
+        write(self._of(self._update_input()), name, **_settings(self))
         return 1
 
 
@@ -185,18 +179,13 @@ class vtkBigusFieldWriter(_Writer):
 
     _inputs = ("vtkPolyData",)
 
-    def _write(self, data: Any, name: str, settings: dict[str, Any]) -> None:
-        write(field_of_polydata(data), name, **settings)
-
 
 @properties(FileName="", **SEQUENCE_OUTPUT)
 class vtkBigusSequenceWriter(_Writer):
     """Writes a sweep to .igs.mha; rejected frames (Status 0) are left out."""
 
     _inputs = ("vtkImageData",)
-
-    def _write(self, data: Any, name: str, settings: dict[str, Any]) -> None:
-        write(sweep_of_image(data)[0], name, **settings)
+    _of = staticmethod(lambda image: sweep_of_image(image)[0])
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -215,8 +204,7 @@ class vtkBigusFieldToImage(Algorithm):
     _sees_directions = True
 
     def _begin(self) -> None:
-        self._field, self._field_time = None, 0
-        self._slicer, self._slicer_key = None, None
+        self._field, self._slicer = None, None
 
     def SetOutputScalarTypeToFloat(self) -> None:
         self.SetOutputScalarType(VTK_FLOAT)
@@ -228,24 +216,18 @@ class vtkBigusFieldToImage(Algorithm):
         return self._slicer.device if self._slicer else ""
 
     def _load_field(self, polydata: Any) -> Any:
-        time = polydata.GetMTime() if polydata is not None else 0
-        if self._field is None or self._field_time != time:
-            self._field, self._slicer = None, None
-            self._field = field_of_polydata(polydata)
-            self._field_time = time
+        self._field = None
+        self._field = self._while("field", polydata and polydata.GetMTime(), lambda: field_of_polydata(polydata))
         return self._field
 
     def _updated_field(self) -> Any:
         return self._load_field(self._update_input())
 
+    @guarded
     def RequestInformation(self, request: Any, inputs: Any, outputs: Any) -> int:
-        self._error_code = NO_ERROR
         kind = self._values["OutputScalarType"]
-        try:
-            spacing, origin, extent = self._grid(self._values["OutputSpacing"], self._values["OutputOrigin"])
-            _core.check_pixel_type(vtkImageScalarTypeNameMacro(kind), self._values["OutputMode"] == self.ScatteringField)
-        except Exception as error:
-            return self._fail(error)
+        spacing, origin, extent = self._grid(self._values["OutputSpacing"], self._values["OutputOrigin"])
+        _core.check_pixel_type(vtkImageScalarTypeNameMacro(kind), self._values["OutputMode"] == self.ScatteringField)
         for port, info in enumerate(infos_of(outputs)):
             tell_image(info, extent, VTK_FLOAT if port else kind, spacing, origin)
             info.Set(vtkAlgorithm.CAN_PRODUCE_SUB_EXTENT(), 1)
@@ -272,15 +254,15 @@ class vtkBigusFieldToImage(Algorithm):
         if self._extent is None:
             return
         _core.check_output_size(self._extent, self._values["MaximumOutputPixels"])
-        self._load_field(data[0][0])
-        if self._values["GenerateStandardErrorOutput"] and self._values["OutputMode"] == self.LabelShare:
+        field = self._load_field(data[0][0])
+        is_share = self._values["OutputMode"] == self.LabelShare
+        if self._values["GenerateStandardErrorOutput"] and is_share:
             raise _core.Error("GenerateStandardErrorOutput: it is that of an intensity; set OutputMode to Intensity.")
-        if self._values["GenerateStandardErrorOutput"] and not self._field.kept_error:
+        if self._values["GenerateStandardErrorOutput"] and not field.kept_error:
             raise _core.Error("GenerateStandardErrorOutput: the field has no array StandardError; bigus train keeps it in a .vtp.")
-        label = self._values["LabelValue"] if self._values["OutputMode"] == self.LabelShare else None
-        key = (*(self._values[name] for name in SLICER), self._sees_directions, label)
-        if self._slicer is None or self._slicer_key != key:
-            self._slicer, self._slicer_key = _core.Renderer(self._field, *key), key
+        settings = (*(self._values[name] for name in SLICER), self._sees_directions, self._values["LabelValue"] if is_share else None)
+        self._slicer = None  # let go of before there is another
+        self._slicer = self._while("slicer", (data[0][0].GetMTime(), settings), lambda: _core.Renderer(field, *settings))
         self._draw(outputs)
 
     def _image(self, image: vtkImageData, pixels: np.ndarray, name: str) -> None:
@@ -359,8 +341,6 @@ class vtkBigusReslice(vtkBigusFieldToImage):
     def _begin(self) -> None:
         super()._begin()
         self.GetExecutive().SetOutputData(2, vtkImageStencilData())  # VTK's executive cannot make stencils by name
-        self._recorded, self._recorded_time = None, 0
-        self._labelled, self._labelled_key = None, None
 
     def RequestInformation(self, request: Any, inputs: Any, outputs: Any) -> int:
         found = super().RequestInformation(request, inputs, outputs)
@@ -450,15 +430,13 @@ class vtkBigusReslice(vtkBigusFieldToImage):
                 stencil.InsertNextExtent(*run)
         frames = self.GetRecordedFrames()
         if frames is not None:
-            if self._recorded is None or self._recorded_time != frames.GetMTime():
-                self._recorded, self._recorded_time = sweep_of_image(frames)[0], frames.GetMTime()
-            self._image(outputs[3], _core.grid_distances(self._recorded, index_to_world, self._extent), "Distance")
+            recorded = self._while("recorded", frames.GetMTime(), lambda: sweep_of_image(frames)[0])
+            self._image(outputs[3], _core.grid_distances(recorded, index_to_world, self._extent), "Distance")
         if values["GenerateLabelOutput"]:
-            key = (self._field_time, values["Engine"] or "auto", values["ElevationSigma"])
-            if self._labelled is None or self._labelled_key != key:  # kept while the plane moves
-                self._labelled, self._labelled_key = _core.LabelRenderer(self._field, *key[1:]), key
-            self._image(outputs[5], self._labelled.render_part(index_to_world, self._whole, self._extent), "Labels")
-            share_label_names(self.GetInput(), outputs[5])
+            field, settings = self.GetInput(), (values["Engine"] or "auto", values["ElevationSigma"])
+            labelled = self._while("labels", (field.GetMTime(), settings), lambda: _core.LabelRenderer(self._field, *settings))
+            self._image(outputs[5], labelled.render_part(index_to_world, self._whole, self._extent), "Labels")
+            share_label_names(field, outputs[5])
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -480,6 +458,7 @@ class vtkBigusTrainer(Algorithm):
     """
 
     _inputs, _outputs = ("vtkImageData", "vtkPolyData"), ("vtkPolyData", "vtkTable")
+    _repeatable, _optional = (0,), (1,)
     _known = {option["name"]: option for option in _core.options()}
 
     def _begin(self) -> None:
@@ -544,10 +523,6 @@ class vtkBigusTrainer(Algorithm):
 
     def GetLog(self) -> vtkTable:
         return self.GetOutputDataObject(1)
-
-    def FillInputPortInformation(self, port: int, info: Any) -> int:
-        info.Set(vtkAlgorithm.INPUT_IS_OPTIONAL() if port == 1 else vtkAlgorithm.INPUT_IS_REPEATABLE(), 1)
-        return super().FillInputPortInformation(port, info)
 
     def _fill(self, data: list, outputs: list) -> None:
         self._forget()

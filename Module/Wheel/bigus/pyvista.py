@@ -23,8 +23,9 @@ import pyvista
 from ._core import Field, Sweep
 from .common import checked_size, pixel_matrix, size_of_view
 from .filters import vtkBigusVoxelizer
+from .functions import train
 from .pipeline import update
-from .tasks import Slicer, train
+from .tasks import Slicer
 from .vtkdata import axes_across, field_of_polydata, image_of, image_of_sweep, place_image, plane_on, polydata_of_field
 from .vtkdata import shadow, sweep_of_image
 

@@ -7,16 +7,16 @@ from __future__ import annotations
 from typing import Any, Optional
 
 import numpy as np
-from vtkmodules.util.numpy_support import numpy_to_vtkIdTypeArray, vtk_to_numpy
-from vtkmodules.vtkCommonCore import VTK_FLOAT, VTK_UNSIGNED_CHAR, vtkPoints
-from vtkmodules.vtkCommonDataModel import vtkCellArray, vtkDataObject, vtkImageData, vtkPolyData
+from vtkmodules.util.numpy_support import vtk_to_numpy
+from vtkmodules.vtkCommonCore import VTK_FLOAT, VTK_UNSIGNED_CHAR
+from vtkmodules.vtkCommonDataModel import vtkDataObject, vtkImageData, vtkPolyData
 from vtkmodules.vtkCommonExecutionModel import vtkStreamingDemandDrivenPipeline
 from vtkmodules.vtkCommonMath import vtkMatrix4x4
 
 from . import _core, common, settings
-from .algorithm import NO_ERROR, Algorithm, Choice, Clamped, getters, matrix_of, ports, properties, table_of, tell_image
-from .names import vtk_case
-from .vtkdata import image_of_sweep, poses_of_image, set_provenance, sweep_of_image, texts_to_vtk, to_vtk
+from .algorithm import Algorithm, Choice, Clamped, getters, guarded, matrix_of, ports, properties, table_of, tell_image
+from .names import snake_case, vtk_case
+from .vtkdata import cells_of, image_of_sweep, points_of, poses_of_image, set_provenance, sweep_of_image, texts_to_vtk, to_vtk
 
 __all__ = ["vtkBigusImageMetrics", "vtkBigusPhantomSource", "vtkBigusPoseCorrection", "vtkBigusSweepInspection",
            "vtkBigusSweepOutline"]  # fmt: skip
@@ -43,31 +43,28 @@ class vtkBigusPhantomSource(Algorithm):
         options["probe"], options["scene"] = self.GetProbeAsString().lower(), self.GetSceneAsString().lower()
         return _core.Phantom(**options)
 
+    @guarded
     def GetScatterersPerResolutionCell(self) -> float:
-        try:
-            return self._phantom().scatterers_per_resolution_cell
-        except Exception as error:
-            return self._fail(error)
+        return self._phantom().scatterers_per_resolution_cell
 
+    @guarded
     def ComputeTruth(self, image_to_reference: vtkMatrix4x4, width: int, height: int, truth: vtkImageData) -> bool:
         """Writes into `truth` the exact image of a plane, in the form of the output; False after an error."""
-        self._error_code = NO_ERROR
-        try:
-            if image_to_reference is None or truth is None:
-                raise _core.Error("ComputeTruth: the matrix and the image to write must both be given.")
-            truth.Initialize()
-            truth.ShallowCopy(image_of_sweep(self._phantom().truth(matrix_of(image_to_reference), width, height)))
-        except Exception as error:
-            return bool(self._fail(error))
+        if image_to_reference is None or truth is None:
+            raise _core.Error("ComputeTruth: the matrix and the image to write must both be given.")
+        truth.Initialize()
+        truth.ShallowCopy(image_of_sweep(self._phantom().truth(matrix_of(image_to_reference), width, height)))
         return True
 
     def RequestInformation(self, request: Any, inputs: Any, outputs: Any) -> int:
-        self._error_code = NO_ERROR
-        try:
-            size = self._phantom().size
-        except Exception as error:
+        done = self._inform(outputs)
+        if not done:
             vtkDataObject.GetData(outputs, 0).Initialize()  # an earlier result is not the answer to these options
-            return self._fail(error)
+        return done
+
+    @guarded
+    def _inform(self, outputs: Any) -> int:
+        size = self._phantom().size
         tell_image(outputs.GetInformationObject(0), [n for side in size for n in (0, side - 1)], VTK_UNSIGNED_CHAR)
         return 1
 
@@ -79,23 +76,28 @@ class vtkBigusPhantomSource(Algorithm):
             outputs[0].GetFieldData().AddArray(to_vtk(phantom.true_poses.reshape(-1, 16), "TrueImageToReference"))
 
 
-@properties(**settings.CORRECTION)
-class vtkBigusPoseCorrection(Algorithm):
-    """Takes the tracker's noise out of a sweep's poses; the C++ class lists the arrays that tell what was done."""
-
-    CONSTANT_ERRORS = ("Delay", "ShiftX", "ShiftY", "ShiftZ", "RotationX", "RotationY", "RotationZ")
-    CONFIRMED_STEPS = ("Share", "ShareError", "Gain", "Taken")
+class _OfSweeps(Algorithm):
+    """Gives the sweep that it is given, with more arrays, and a table."""
 
     _inputs, _outputs = ("vtkImageData",), ("vtkImageData", "vtkTable")
-    _chosen = 0.0
-
-    def GetChosenStrength(self) -> float:
-        return self._chosen
 
     def RequestInformation(self, request: Any, inputs: Any, outputs: Any) -> int:
         outputs.GetInformationObject(0).CopyEntry(inputs[0].GetInformationObject(0),
                                                   vtkStreamingDemandDrivenPipeline.WHOLE_EXTENT())
         return 1
+
+
+@properties(**settings.CORRECTION)
+class vtkBigusPoseCorrection(_OfSweeps):
+    """Takes the tracker's noise out of a sweep's poses; the C++ class lists the arrays that tell what was done."""
+
+    CONSTANT_ERRORS = ("Delay", "ShiftX", "ShiftY", "ShiftZ", "RotationX", "RotationY", "RotationZ")
+    CONFIRMED_STEPS = ("Share", "ShareError", "Gain", "Taken")
+
+    _chosen = 0.0
+
+    def GetChosenStrength(self) -> float:
+        return self._chosen
 
     def _fill(self, inputs: list, outputs: list) -> None:
         self._chosen = 0.0
@@ -109,53 +111,39 @@ class vtkBigusPoseCorrection(Algorithm):
             return  # stopped: the output stays empty, and the next update begins anew
         recorded = vtk_to_numpy(image.GetFieldData().GetArray("ImageToReference")).astype(np.float64)
         output.ShallowCopy(image)
-        data = output.GetFieldData()
-        data.AddArray(to_vtk(poses_of_image(image, frames, found["sweep"].poses).reshape(-1, 16), "ImageToReference"))
-        data.AddArray(to_vtk(recorded, "RecordedImageToReference"))
-        for name, key, rejected in (("PoseDisplacement", "displacement", 0), ("PoseRotation", "rotation", 0),
-                                    ("PoseOutlier", "outlier", 0), ("PoseStroke", "stroke", -1)):
-            every = np.full(len(recorded), rejected, dtype=found[key].dtype)
+        poses, noise, decision = poses_of_image(image, frames, found["sweep"].poses), found["noise"], found["decision"]
+        arrays = {"ImageToReference": poses.reshape(-1, 16), "RecordedImageToReference": recorded}
+        for key, rejected in (("displacement", 0), ("rotation", 0), ("outlier", 0), ("stroke", -1)):
+            every = arrays["Pose" + key.capitalize()] = np.full(len(recorded), rejected, dtype=found[key].dtype)
             every[frames] = found[key]
-            data.AddArray(to_vtk(every, name))
-        self._add_numbers(data, "ConstantErrors", found["constant_errors"], self.CONSTANT_ERRORS)
-        self._add_numbers(data, "ConfirmedSteps", found["confirmed_steps"], self.CONFIRMED_STEPS)
-        data.AddArray(to_vtk(np.array([found["constant_errors_applied"]], dtype=np.uint8), "ConstantErrorsApplied"))
-        noise = found["noise"]
-        self._add_numbers(data, "TrackerNoise", np.array([list(noise.values())]), [name.capitalize() for name in noise])
-        data.AddArray(to_vtk(np.array([found["strength"]]), "PoseStrength"))
-        decision = found["decision"]
+        arrays["ConstantErrors"], arrays["ConfirmedSteps"] = found["constant_errors"], found["confirmed_steps"]
+        arrays["ConstantErrorsApplied"] = np.array([found["constant_errors_applied"]], dtype=np.uint8)
+        arrays["TrackerNoise"], arrays["PoseStrength"] = np.array([list(noise.values())]), np.array([found["strength"]])
+        components = {"ConstantErrors": self.CONSTANT_ERRORS, "ConfirmedSteps": self.CONFIRMED_STEPS,
+                      "TrackerNoise": [name.capitalize() for name in noise]}
+        data = output.GetFieldData()
+        for name, values in arrays.items():
+            array = to_vtk(values, name)
+            for k, component in enumerate(components.get(name, ())):
+                array.SetComponentName(k, component)
+            data.AddArray(array)
         data.AddArray(texts_to_vtk([decision["choice"], decision["evidence"]], "PoseDecision"))
         set_provenance(data, "sweep.poses", f"{decision['choice']} ({decision['evidence']})")
         self._chosen = found["strength"]
-        rows = found["steps"]
-        columns = {name: np.array([row[key] for row in rows], dtype=np.int32 if key == "taken" else np.float64)
-                   for key, name in common.STEP_COLUMNS.items()}  # fmt: skip
-        outputs[1].ShallowCopy(table_of(columns))
+        outputs[1].ShallowCopy(table_of({
+            vtk_case(key): np.array([row[key] for row in found["steps"]], dtype=np.int32 if kind is bool else np.float64)
+            for key, kind in common.STEP_COLUMNS.items()}))  # fmt: skip
 
     def GetSteps(self) -> Any:
         return self.GetOutputDataObject(1)
 
-    @staticmethod
-    def _add_numbers(data: Any, name: str, values: np.ndarray, components: Any) -> None:
-        array = to_vtk(values, name)
-        for k, component in enumerate(components):
-            array.SetComponentName(k, component)
-        data.AddArray(array)
-
 
 @properties(Keep="none")
-class vtkBigusSweepInspection(Algorithm):
+class vtkBigusSweepInspection(_OfSweeps):
     """Says what is wrong with recorded frames: the sweep with an array Finding, and a table with a row a finding."""
-
-    _inputs, _outputs = ("vtkImageData",), ("vtkImageData", "vtkTable")
 
     def GetFindings(self) -> Any:
         return self.GetOutputDataObject(1)
-
-    def RequestInformation(self, request: Any, inputs: Any, outputs: Any) -> int:
-        outputs.GetInformationObject(0).CopyEntry(inputs[0].GetInformationObject(0),
-                                                  vtkStreamingDemandDrivenPipeline.WHOLE_EXTENT())
-        return 1
 
     def _fill(self, inputs: list, outputs: list) -> None:
         image = inputs[0][0]
@@ -190,48 +178,40 @@ class vtkBigusSweepOutline(Algorithm):
     def _fill(self, data: list, outputs: list) -> None:
         outlines, path, grid = outputs
         sweep, frames = sweep_of_image(data[0][0])
-        right, bottom, last = sweep.width - 1, sweep.height - 1, len(sweep) - 1
-        chosen = [k for k in range(len(sweep)) if k % self._values["FrameStride"] == 0 or k == last]
-        corners = [(0, 0), (right, 0), (right, bottom), (0, bottom)]
-        cells = [[4 * n, 4 * n + 1, 4 * n + 2, 4 * n + 3, 4 * n] for n in range(len(chosen))]
-        self._lines(outlines, self._pixels(sweep.poses[chosen], corners), cells)
-        self._lines(path, self._pixels(sweep.poses, [(0.5 * right, 0)]), [list(range(len(sweep)))] if last > 0 else [])
-        for attributes, numbers in ((outlines.GetCellData(), chosen), (path.GetPointData(), range(len(sweep)))):
-            attributes.AddArray(to_vtk(frames[list(numbers)].astype(np.int32), "Frame"))
+        right, bottom, count = sweep.width - 1, sweep.height - 1, len(sweep)
+        every = np.arange(count)
+        chosen = every[(every % self._values["FrameStride"] == 0) | (every == count - 1)]
+        corners = 4 * np.arange(len(chosen))[:, None] + (0, 1, 2, 3, 0)
+        self._lines(outlines, self._pixels(sweep.poses[chosen], [(0, 0), (right, 0), (right, bottom), (0, bottom)]), corners)
+        self._lines(path, self._pixels(sweep.poses, [(0.5 * right, 0)]), every[None] if count > 1 else every[:0, None])
+        for attributes, numbers in ((outlines.GetCellData(), chosen), (path.GetPointData(), every)):
+            attributes.AddArray(to_vtk(frames[numbers].astype(np.int32), "Frame"))
             if sweep.timestamps is not None:
-                attributes.AddArray(to_vtk(np.array(sweep.timestamps)[list(numbers)], "Timestamp"))
+                attributes.AddArray(to_vtk(sweep.timestamps[numbers], "Timestamp"))
         if self._values["GeneratePixels"]:
             pixels = vtk_to_numpy(data[0][0].GetPointData().GetScalars()).reshape(-1, sweep.height, sweep.width)
-            places, points = [(i, j) for j in range(sweep.height) for i in range(sweep.width)], vtkPoints()
-            points.SetData(to_vtk(self._pixels(sweep.poses[chosen], places).astype(np.float32), "Points"))
+            places = np.stack(np.meshgrid(np.arange(sweep.width), np.arange(sweep.height)), -1).reshape(-1, 2)
             grid.SetDimensions(sweep.width, sweep.height, len(chosen))
-            grid.SetPoints(points)
+            grid.SetPoints(points_of(self._pixels(sweep.poses[chosen], places).astype(np.float32)))
             grid.GetPointData().SetScalars(to_vtk(pixels[frames[chosen]].ravel(), "Recorded"))
 
     @staticmethod
-    def _pixels(poses: np.ndarray, pixels: list) -> np.ndarray:
+    def _pixels(poses: np.ndarray, pixels: Any) -> np.ndarray:
         """Where the pixels (i, j) of every frame lie: [frames * pixels, 3], mm."""
-        return np.einsum("fab,pb->fpa", poses, [(i, j, 0, 1) for i, j in pixels])[..., :3].reshape(-1, 3)
+        return np.einsum("fab,pb->fpa", poses[..., (0, 1, 3)], np.insert(np.array(pixels, float), 2, 1, axis=1))[..., :3].reshape(-1, 3)
 
     @staticmethod
-    def _lines(polydata: vtkPolyData, places: np.ndarray, cells: list) -> None:
-        points, lines = vtkPoints(), vtkCellArray()
-        points.SetData(to_vtk(places, "Points"))
-        if cells:
-            ends = np.cumsum([0] + [len(cell) for cell in cells])
-            numbers = np.concatenate(cells)
-            lines.SetData(*(numpy_to_vtkIdTypeArray(a.astype(np.int64), deep=True) for a in (ends, numbers)))
-        polydata.SetPoints(points)
-        polydata.SetLines(lines)
+    def _lines(polydata: vtkPolyData, places: np.ndarray, cells: np.ndarray) -> None:
+        """Lines [cells, points]."""
+        polydata.SetPoints(points_of(places))
+        polydata.SetLines(cells_of(cells))
 
 
-SCORES = {"PSNR": "psnr", "SSIM": "ssim", "BFS": "bfs", "MeanContrast": "mean_contrast",
-          "ContrastDistribution": "contrast_distribution", "Rayleigh": "rayleigh"}
 TEXTURES = ("ContrastRatio", "ContrastDistance", "IntensityDistance", "SpectrumDifference", "HighFrequencyPower")
 SPREADS = ("PSNR", "SSIM")
 
 
-@getters("_means", **{name: (name, 0.0) for name in (*SCORES, *TEXTURES, *(name + "StandardDeviation" for name in SPREADS))})
+@getters("_means", **{name: (name, 0.0) for name in (*common.SCORES, *TEXTURES, *(name + "StandardDeviation" for name in SPREADS))})
 class vtkBigusImageMetrics(Algorithm):
     """How close an image (input 0) is to the truth (input 1): a table with a row for each z slice."""
 
@@ -250,8 +230,7 @@ class vtkBigusImageMetrics(Algorithm):
     def _pixels(image: Optional[vtkImageData], name: str) -> np.ndarray:
         """[depth, height, width], of the image's type."""
         scalars = image.GetPointData().GetScalars() if image is not None else None
-        if scalars is None or image.GetNumberOfPoints() in (0, None) or \
-                scalars.GetNumberOfTuples() != image.GetNumberOfPoints():
+        if scalars is None or image.GetNumberOfPoints() == 0 or scalars.GetNumberOfTuples() != image.GetNumberOfPoints():
             raise _core.Error(f"{name} has no pixels.")
         if scalars.GetNumberOfComponents() != 1:
             raise _core.Error(f"{name} has {scalars.GetNumberOfComponents()} components; grey images with one are compared. "
@@ -278,15 +257,14 @@ class vtkBigusImageMetrics(Algorithm):
             raise _core.Error(f"The image is {sizes[0]} pixels, the truth {sizes[1]}; they must be equal.")
         rows: list[dict[str, Any]] = []
         for k in range(len(a)):
-            pair = self._intensities(a[k], "The image"), self._intensities(b[k], "The truth")
-            scores = _core.compare(*pair)
-            rows.append({**{column: scores[name] for column, name in SCORES.items()}, **_core.compare_textures(*pair)})
+            rows.append(_core.compare(self._intensities(a[k], "The image"), self._intensities(b[k], "The truth"), True))
             if not self._go_on((k + 1) / len(a)):
                 break  # what was measured so far is the result
-        columns = {name: np.array([row[name] for row in rows]) for name in rows[0]}
+        scores = {snake_case(name): name for name in common.SCORES}
+        columns = {scores.get(name, name): np.array([row[name] for row in rows]) for name in rows[0]}
         first = data[0][0].GetExtent()[4]
         outputs[0].ShallowCopy(table_of({"Slice": np.arange(first, first + len(rows), dtype=np.int32), **columns}))
-        self._means = {name: float(np.mean(columns[name])) for name in (*SCORES, *TEXTURES)}
+        self._means = {name: float(np.mean(columns[name])) for name in (*common.SCORES, *TEXTURES)}
         for name in SPREADS:  # equal slices of infinite PSNR do not spread
             values = columns[name]
             self._means[name + "StandardDeviation"] = 0.0 if (values == values[0]).all() else float(np.std(values))

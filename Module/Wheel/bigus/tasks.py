@@ -1,65 +1,46 @@
 # SPDX-FileCopyrightText: BIGUS authors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Train, slice, score: one call each."""
+"""How Core does what functions.py offers, and what this package has besides: slicers, phantoms, labels."""
 
 from __future__ import annotations
 
-import os
 import warnings
-from typing import TYPE_CHECKING, Any, Callable, Mapping, NamedTuple, Optional, Sequence, Union
+from typing import TYPE_CHECKING, Any, Callable, Mapping, Optional, Sequence, Union
 
 import numpy as np
 
 from . import _core, common, documentation, settings
-from ._core import Field, Sweep
-from .common import PoseCorrection, TrainingInterrupted, pixel_matrix, require
-from .files import settings_of
+from ._core import Error, Field, Sweep
+from .arrays import make_sweep
+from .common import path_text, pixel_matrix, require, whole
 from .names import by_name, snake_case, spell_out
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
     from typing_extensions import Unpack
 
-    from ._options import CorrectionOptions, PhantomOptions, SlicerOptions, TrainOptions
+    from ._options import PhantomOptions, SlicerOptions
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# Training
+# Options
 
 
-class _FieldAndLog(NamedTuple):
-    field: Field
-    log: dict[str, np.ndarray]
+def options() -> list[dict[str, str]]:
+    """Every option of train: name, keyword, group, help, unit, values, type, default, and what holds where it is open."""
+    return _core.options()
 
 
-class Training(_FieldAndLog):
-    """The pair of a field and its training log, and what came with them.
-
-    log has arrays of one element a line: iteration, seconds, loss, validation_psnr (dB, nan where there is none),
-    gaussians, rate. decisions are the choices training rests on: a list of dicts of decision, choice, evidence and
-    seconds. poses, float64 [frames, 4, 4], are ImageToReference of every frame as the field was trained at: the field
-    belongs to these, not to poses(sweep). options are texts by name that repeat the training. device, iterations,
-    seconds, aborted and finished (all steps were taken, or validation said stop) tell how it went; training_frames,
-    validation_frames and held_out_frames are frame numbers.
-    """
-
-    decisions: list[dict[str, Any]]
-    poses: np.ndarray
-    options: dict[str, str]
-    device: str
-    iterations: int
-    seconds: float
-    aborted: bool
-    finished: bool
-    training_frames: list[int]
-    validation_frames: list[int]
-    held_out_frames: list[int]
+def option_text(option: dict[str, str]) -> str:
+    """What there is to say of an option, in a line."""
+    unit = f" ({option['unit']})" if option["unit"] else ""
+    open_ = f": {option['open']}" if option["open"] else ""
+    return f"{option['help']}{unit}. {option['values'] or 'text'}; {option['default']}{open_}."
 
 
-    def __repr__(self) -> str:
-        how = "finished" if self.finished else "stopped"
-        held_out = f", {len(self.held_out_frames)} frames held out" if self.held_out_frames else ""
-        return f"<bigus.Training of {len(self.field)} Gaussians, {how} after {self.iterations} iterations{held_out}>"
+def _default(option: dict[str, str]) -> Any:
+    kinds = {"bool": lambda text: text == "on", "int": int, "float": float, "str": str}
+    return None if option["default"] == "auto" and option["open"] else kinds[option["type"]](option["default"])
 
 
 def _text(name: str, value: Any) -> str:
@@ -75,115 +56,129 @@ def _text(name: str, value: Any) -> str:
     raise TypeError(f"{name} is a number, a text, True, False or None, not {type(value).__name__}")
 
 
-def options() -> list[dict[str, str]]:
-    """Every option of train: name, keyword, group, help, unit, values, type, default, and what holds where it is open."""
-    return _core.options()
+# What the signatures of functions.py show, and what train says of its options.
+OPTIONS: dict[str, dict[str, Any]] = {
+    "read": settings.SEQUENCE, "read_sweep": settings.SEQUENCE, "read_planes": settings.POSES, "reslice": settings.SLICER,
+    "write": {**settings.SEQUENCE_OUTPUT, **settings.FIELD_OUTPUT}, "correct_poses": settings.CORRECTION,
+    "train": {option["name"]: _default(option) for option in _core.options()},
+}  # fmt: skip
+OPTION_LINES = [f"    {option['name']}: {option_text(option)}" for option in _core.options()]
 
 
-def train(
-    sweep: Union[Sweep, Sequence[Sweep]],
-    progress: Union[None, bool, Callable[[float, str], Optional[bool]]] = None,
-    start: Optional[Field] = None,
-    checkpoint: Union[None, str, os.PathLike] = None,
-    resume: bool = False,
-    checkpoint_interval: float = 60,
-    keep_standard_error: bool = True,
-    **properties: Unpack[TrainOptions],
-) -> Training:
-    """Trains a field on a sweep; gives the pair of the field and the training log, with the decisions.
+def settings_of(
+    known: dict[str, Any], given: dict[str, Any], owner: str, noun: str = "property", complete: bool = True
+) -> dict[str, Any]:
+    """What is given, each value of its default's kind; the default where it is None and, if complete, where it is not given."""
+    chosen = dict(known) if complete else {}
+    for name, value in by_name(given, known, owner, noun).items():
+        try:
+            chosen[name] = known[name] if value is None else _of_kind(known[name], value)
+        except (TypeError, ValueError) as error:
+            raise TypeError(f"{name} = {value!r}: {error}") from None
+    return chosen
 
-    {SEVERAL_SWEEPS}
 
-    What no option sets is decided by short trainings scored on frames set aside, or, with Automatic=False, from the
-    sweep's geometry.
+def _of_kind(default: Any, value: Any) -> Any:
+    if isinstance(default, tuple):
+        numbers = tuple(_of_kind(default[0], one) for one in value)
+        if len(numbers) != len(default):
+            raise TypeError(f"{len(default)} numbers are expected")
+        return numbers
+    if isinstance(default, str):
+        return path_text(value)
+    if isinstance(default, bool) and value not in (True, False):
+        raise TypeError("True or False is expected")
+    return whole(value) if type(default) is int else type(default)(value)
 
-    {PROGRESS}
 
-    {CHECKPOINTS}
+# ----------------------------------------------------------------------------------------------------------------------
+# Files
 
-    keep_standard_error: leave in the field what standard_error needs, 0.1 to 4 MB, which is measured at the end.
 
-    Raises TypeError for an option that there is not, and Error for a value out of range and for sweeps that teach
-    nothing. Options, spelt like ``HoldOut=8`` or ``hold_out=8``; None leaves one open:
-    """
-    sweeps = common.training_inputs(sweep, start, Sweep, Field)
-    given = by_name(dict(properties), [option["name"] for option in _core.options()], "training", "option")
-    texts = {name: _text(name, value) for name, value in given.items()}
-    path = common.checkpoint_path(checkpoint, resume, checkpoint_interval)
-    bar = common.bar_for(progress)
-    if progress is None or progress is True:
-        progress = bar
-    report = None
-    if progress:
-        tell = progress
+def _read_sequence(name: str, properties: dict[str, Any], requires_poses: bool = True) -> dict[str, Any]:
+    chosen = settings_of(settings.SEQUENCE, properties, "a sequence")
+    return _core.read_sequence(name, KeepRejectedFrames=False, RequirePoses=requires_poses, **chosen)
 
-        def report(fraction: float, phase: str, left: float, iteration: int, gaussians: int, loss: float) -> Any:
-            text = phase if phase != "training" else f"iteration {iteration}, {gaussians} Gaussians, loss {loss:.4g}"
-            return tell(fraction, f"{text}, {left:.0f} s left" if left > 0 else text)
 
+def read_sweep(name: str, properties: dict[str, Any]) -> Sweep:
+    found = _read_sequence(name, properties)
+    for caution in found["warnings"]:
+        warnings.warn(caution, RuntimeWarning, stacklevel=3)
+    return make_sweep(found["pixels"], found["poses"], found["timestamps"], found["mask"])
+
+
+def read_field(name: str, properties: dict[str, Any]) -> Field:
+    by_name(properties, (), "a field")
+    found = _core.read_field(name)
+    if found is not None:
+        return found
     try:
-        found, failure, cautions = _core.train(_core.join(sweeps), texts, start, report, path, float(checkpoint_interval), bool(resume),
-                                               bool(keep_standard_error))
-        if bar and found["finished"]:
-            bar(1.0, "finished")
-    finally:
-        if bar:
-            bar.close()
-    for caution in cautions:
-        warnings.warn(caution, RuntimeWarning, stacklevel=2)
-    training = Training(found.pop("field"), found.pop("log"))
-    for name, value in found.items():
-        setattr(training, name, value)
-    if isinstance(failure, KeyboardInterrupt):
-        raise TrainingInterrupted(training) from failure
-    if failure is not None:
-        raise failure
-    return training
+        from vtkmodules.vtkIOXML import vtkXMLPolyDataReader
+
+        from .vtkdata import field_of_polydata
+    except ImportError:
+        raise Error(f"{name}: a .vtp in another encoding than BIGUS writes (raw appended data, zlib, 64-bit sizes). VTK reads it: "
+                    "pip install vtk, or convert the file with 'bigus convert' of the C++ build") from None
+    reader = vtkXMLPolyDataReader()
+    reader.SetFileName(name)
+    reader.Update()
+    try:
+        return field_of_polydata(reader.GetOutput())
+    except Error as error:
+        raise Error(f"{name}: {error}") from None
 
 
-def option_text(option: dict[str, str]) -> str:
-    """What there is to say of an option, in a line."""
-    unit = f" ({option['unit']})" if option["unit"] else ""
-    open_ = f": {option['open']}" if option["open"] else ""
-    return f"{option['help']}{unit}. {option['values'] or 'text'}; {option['default']}{open_}."
+def read_stack(name: str) -> tuple[np.ndarray, Optional[np.ndarray]]:
+    found = _read_sequence(name, {"AutoMask": False}, requires_poses=False)
+    return found["pixels"], found["timestamps"]
 
 
-def _default(option: dict[str, str]) -> Any:
-    kinds = {"bool": lambda text: text == "on", "int": int, "float": float, "str": str}
-    return None if option["default"] == "auto" and option["open"] else kinds[option["type"]](option["default"])
+read_spacing = _core.header_spacing
 
 
-_lines = [f"    {option['name']}: {option_text(option)}" for option in _core.options()]
-train.__doc__ = "\n".join([(train.__doc__ or "").format(**vars(common)), *_lines, "    "])
-spell_out(train, {option["name"]: _default(option) for option in _core.options()})
+def read_planes(name: str, spacing: float, is_lps: bool, properties: dict[str, Any]) -> tuple:
+    found = _core.read_planes(name, spacing, is_lps, **settings_of(settings.POSES, properties, "read_planes"))
+    return tuple(found[part] for part in common.Planes._fields)
 
 
-def check(sweep: Sweep, keep: str = "none") -> list[dict]:
-    """What is wrong with a sweep, a dictionary a finding: kind, frames (how many), pixels, applied, text.
+def write(data: Union[Sweep, Field], name: str, properties: dict[str, Any]) -> None:
+    if isinstance(data, Sweep):
+        _core.write_sweep(data, name, **settings_of(settings.SEQUENCE_OUTPUT, properties, "writing a sweep"))
+        return
+    for what in _core.write_field(data, name, **settings_of(settings.FIELD_OUTPUT, properties, "writing a field")):
+        warnings.warn(f"{name}: {what} left out; .vtp keeps it.", RuntimeWarning, stacklevel=3)
 
-    keep: kinds that nothing is done about, as the option Keep of train.
-    """
-    require(sweep, Sweep, "check", "sweep")
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Training
+
+
+def check(sweep: Sweep, keep: str) -> list[dict]:
     return _core.inspect(sweep, keep, list(range(len(sweep))))[0]
 
 
-def correct_poses(sweep: Sweep, **properties: Unpack[CorrectionOptions]) -> PoseCorrection:
-    """Takes the tracker's noise out of a sweep's poses, where its pictures confirm it; exact poses are kept.
-
-    Strength=-1: 0 to 1000, in units of the noise found; None or a negative number: chosen by evidence.
-    HoldOut=0: the pixels of frames with index % HoldOut == HoldOut // 2 are not looked at; 0: all are.
-    """
-    require(sweep, Sweep, "correct_poses", "sweep")
-    chosen = settings_of(settings.CORRECTION, dict(properties), "correct_poses")
+def correct_poses(sweep: Sweep, properties: dict[str, Any]) -> dict[str, Any]:
+    chosen = settings_of(settings.CORRECTION, properties, "correct_poses")
     strength = None if chosen["Strength"] < 0 else chosen["Strength"]
     for finding in check(sweep, "all"):
-        warnings.warn(finding["text"], RuntimeWarning, stacklevel=2)
+        warnings.warn(finding["text"], RuntimeWarning, stacklevel=3)
     found = _core.correct_poses(sweep, strength, chosen["HoldOut"])
     found["outlier"] = found["outlier"] != 0
-    return PoseCorrection(**{name: found[name] for name in PoseCorrection._fields})
+    return {name: found[name] for name in common.PoseCorrection._fields}
 
 
-spell_out(correct_poses, settings.CORRECTION)
+size = len  # of a field, in Gaussians
+
+
+def train(sweeps: list, start: Optional[Field], keeping: tuple[str, float, bool], keeps_error: bool, properties: dict[str, Any],
+          progress: Optional[Callable]) -> tuple[dict[str, Any], Callable[[], None]]:
+    """What came of it, and a function that raises what ended it, if Ctrl-C or `progress` did."""
+    given = by_name(properties, [option["name"] for option in _core.options()], "training", "option")
+    texts = {name: _text(name, value) for name, value in given.items()}
+    found, rethrow, cautions = _core.train(_core.join(sweeps), texts, start, progress, *keeping, keeps_error)
+    for caution in cautions:
+        warnings.warn(caution, RuntimeWarning, stacklevel=3)
+    return found, rethrow
 
 
 class Phantom(_core.Phantom):
@@ -295,30 +290,12 @@ class Slicer:
         return self._render(planes, size, spacing, scattering, True)
 
 
-def reslice(
-    field: Field,
-    plane: ArrayLike,
-    size: Optional[Sequence[int]] = None,
-    spacing: Union[None, float, Sequence[float]] = None,
-    **properties: Unpack[SlicerOptions],
-) -> np.ndarray:
-    """The image that the field predicts at a plane: float32 [height, width] in [0, 1).
-
-    plane: 4 x 4 ImageToReference: pixel (i, j, 0, 1) to mm, as in ``poses(sweep)`` or from ``plane(origin, axes)``.
-    size: (width, height) in pixels; by default the image starts at pixel (0, 0) and reaches to the field's far end.
-    spacing: pixel size, mm, one number or (along i, along j); by default the length of the matrix's columns.
-    properties: Engine, ElevationSigma and Tolerance, as Slicer takes them.
-
-    For many planes of one field, and for the coverage, use a Slicer: it prepares the field only once.
-    """
-    require(field, Field, "reslice", "field")
-    matrix = pixel_matrix(plane, spacing)
-    slicer = Slicer(field, **properties)
-    return slicer.slice(matrix, size if size is not None else common.size_of_view(field.centers, matrix))
-
-
 spell_out(Slicer.__init__, settings.SLICER)
-spell_out(reslice, settings.SLICER)
+
+
+def reslice(field: Field, plane: Any, size: Any, spacing: Any, properties: dict[str, Any]) -> np.ndarray:
+    matrix, pixels = common.view(field.centers, plane, size, spacing)
+    return Slicer(field, **properties).slice(matrix, pixels)
 
 
 def label(
@@ -359,47 +336,15 @@ def label_map(
     return _core.LabelRenderer(field, engine).render(matrix, width, height)
 
 
-def standard_error(
-    field: Field,
-    plane: ArrayLike,
-    size: Optional[Sequence[int]] = None,
-    spacing: Union[None, float, Sequence[float]] = None,
-) -> np.ndarray:
-    """How far what a probe would show may be from ``reslice`` at the same plane: a standard deviation for every pixel.
-
-    float32 [height, width] in units of intensity (1 is white), nan where the training frames do not tell. The field must
-    keep what it rests on (``field.kept_error``), as ``train`` lets it and .vtp files have it; else Error says so.
-    """
-    return _image_and_error(field, plane, size, spacing, "standard_error")[1]
-
-
-def _image_and_error(field: Field, plane: Any, size: Any, spacing: Any, caller: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Of a plane: its image, its standard error and the matrix of its pixels."""
-    require(field, Field, caller, "field")
-    if not field.kept_error:
-        raise _core.Error(f"{caller}: the field keeps nothing that it could rest on; train lets a field keep it, in a .vtp.")
+def image_and_error(field: Field, plane: Any, size: Any, spacing: Any, caller: str) -> tuple[np.ndarray, np.ndarray, Callable]:
+    """The image at a plane, its standard error, and what tells that of a mean over pixels that are not 0."""
+    kept = field.kept_error
+    if not kept:
+        raise Error(f"{caller}: the field keeps nothing that it could rest on; train lets a field keep it, in a .vtp.")
     matrix = pixel_matrix(plane, spacing)
-    image = reslice(field, matrix, size)
-    return image, _core.standard_error(field.kept_error, matrix, image), matrix
-
-
-def mean(
-    field: Field,
-    plane: ArrayLike,
-    size: Optional[Sequence[int]] = None,
-    spacing: Union[None, float, Sequence[float]] = None,
-    where: Optional[ArrayLike] = None,
-) -> tuple[float, float]:
-    """The mean of ``reslice`` at a plane, and its standard error: (0.31, 0.004).
-
-    where: bool [height, width], the pixels to take; by default all of which ``standard_error`` tells.
-    Errors of pixels beside each other are alike, so a mean over n pixels is less sure than their standard error divided
-    by the root of n: how much less was measured by the training. The field must keep it, as ``train`` lets it; of releases
-    that did not measure it the error is nan.
-    """
-    image, sigma, matrix = _image_and_error(field, plane, size, spacing, "mean")
-    known = common.pixels_of_mean(sigma, where)
-    return float(image[known].mean()), _core.standard_error_of_mean(field.kept_error, matrix, sigma, known.view(np.uint8))
+    image = reslice(field, matrix, size, None, {})
+    sigma = _core.standard_error(kept, matrix, image)
+    return image, sigma, lambda chosen: _core.standard_error_of_mean(kept, matrix, sigma, chosen)
 
 
 def distance_to_frames(
@@ -428,12 +373,7 @@ def _intensities(image: ArrayLike) -> np.ndarray:
     return pixels if pixels.ndim == 3 else pixels[None]
 
 
-def metrics(a: ArrayLike, b: ArrayLike) -> dict[str, float]:
-    """How close image a is to the truth b: both [height, width] or [frames, height, width].
-
-    uint8 pixels are divided by 255, floating-point ones must lie in [0, 1]. Gives psnr (dB), ssim, bfs and the three
-    terms of bfs: mean_contrast, contrast_distribution, rayleigh; each the mean over frames.
-    """
+def metrics(a: Any, b: Any) -> dict[str, float]:
     images, truths = _intensities(a), _intensities(b)
     if images.shape != truths.shape:
         raise ValueError(f"the images have different shapes: {np.shape(a)} and {np.shape(b)}")

@@ -14,7 +14,7 @@ from vtkmodules.vtkCommonDataModel import vtkCellArray, vtkImageData, vtkPolyDat
 from . import _core
 from ._core import Error, Field, Sweep
 from .arrays import field as field_of_arrays
-from .arrays import sweep as sweep_of_arrays
+from .functions import sweep as sweep_of_arrays
 
 
 def to_vtk(values: np.ndarray, name: str) -> Any:
@@ -29,6 +29,20 @@ def ids_to_vtk(values: Sequence[int], name: str) -> Any:
     array = numpy_to_vtkIdTypeArray(np.array(values, dtype=np.int64), deep=True)
     array.SetName(name)
     return array
+
+
+def points_of(places: np.ndarray) -> vtkPoints:
+    """Points [n, 3] of their type."""
+    points = vtkPoints()
+    points.SetData(to_vtk(places, "Points"))
+    return points
+
+
+def cells_of(numbers: np.ndarray) -> vtkCellArray:
+    """Cells [cells, points] of points by their numbers."""
+    cells, (count, points) = vtkCellArray(), numbers.shape
+    cells.SetData(ids_to_vtk(points * np.arange(count + 1), "Ends"), ids_to_vtk(numbers.ravel(), "Numbers"))
+    return cells
 
 
 def texts_to_vtk(texts: Sequence[str], name: str) -> vtkStringArray:
@@ -188,12 +202,8 @@ def poses_of_image(image: vtkImageData, frames: np.ndarray, poses: np.ndarray) -
 def polydata_of_field(field: Field) -> vtkPolyData:
     """A field as points with their arrays, one vertex each; the arrays are copied."""
     polydata = vtkPolyData()
-    points, vertices = vtkPoints(), vtkCellArray()
-    points.SetData(to_vtk(np.array(field.centers).reshape(-1, 3), "Points"))
-    ends, numbers = (numpy_to_vtkIdTypeArray(np.arange(n, dtype=np.int64), deep=True) for n in (len(field) + 1, len(field)))
-    vertices.SetData(ends, numbers)
-    polydata.SetPoints(points)
-    polydata.SetVerts(vertices)
+    polydata.SetPoints(points_of(np.array(field.centers)))
+    polydata.SetVerts(cells_of(np.arange(len(field))[:, None]))
     arrays = polydata.GetPointData()
     arrays.AddArray(to_vtk(np.array(field.scales).reshape(-1, 3), "Scale"))
     arrays.AddArray(to_vtk(np.array(field.rotations).reshape(-1, 4), "Rotation"))
