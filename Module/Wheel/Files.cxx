@@ -151,25 +151,16 @@ std::optional<Array> TimesOf(std::vector<double> times)
 void PutFacts(nb::dict& answer, const ReadFile& found)
 {
   const auto& [file, poses, frames, bytes, shape, read] = found;
-  nb::list transforms, rejections;
-  for (const TransformName& transform : poses.transforms)
-  {
-    transforms.append(nb::make_tuple(ToText(transform.Name()), transform.source));
-  }
-  for (const Rejection& rejection : poses.rejections)
-  {
-    rejections.append(nb::make_tuple(ToText(rejection.reason), rejection.frames));
-  }
   const FrameGeometry geometry = poses.chain.empty() ? FrameGeometry() : MeasureFrames(file, poses.frames);
   const auto& [i, j] = geometry.pixelSize;
   const SweepGeometry& planes = geometry.planes;
   const auto& b = geometry.bounds;
-  Put(answer, "frames_in_file", poses.frames.size(), "accepted_frames", poses.NumberOfAcceptedFrames(), "rejections",
-      rejections, "rejection_summary", ToText(poses.RejectionSummary()), "transforms", transforms, "transform_chain",
-      ToText(poses.chain), "format", ToText(file.format), "encoding", NameOf(file.encoding), "element_type",
-      file.PixelType(), "orientation", ToText(file.orientation), "spacing_doubt", ToText(SpacingDoubt(file, poses)),
-      "used_pixel_range", read.usedRange, "made_axes", poses.NumberOfMadeAxes(), "frame_size",
-      nb::make_tuple(file.width, file.height), "pixel_size", nb::make_tuple(i, j), "plane_spacing",
+  Put(answer, "frames_in_file", poses.frames.size(), "accepted_frames", poses.NumberOfAcceptedFrames(),
+      "rejection_summary", ToText(poses.RejectionSummary()), "transform_chain", ToText(poses.chain), "format",
+      ToText(file.format), "encoding", NameOf(file.encoding), "element_type", file.PixelType(), "orientation",
+      ToText(file.orientation), "spacing_doubt", ToText(SpacingDoubt(file, poses)), "used_pixel_range", read.usedRange,
+      "made_axes", poses.NumberOfMadeAxes(), "frame_size", nb::make_tuple(file.width, file.height), "pixel_size",
+      nb::make_tuple(i, j), "plane_spacing",
       nb::make_tuple(planes.smallestSpacing, planes.usualSpacing, planes.largestSpacing), "path_length",
       geometry.pathLength, "bounds", nb::make_tuple(b[0], b[1], b[2], b[3], b[4], b[5]));
 }

@@ -123,9 +123,11 @@ class PoseCorrection(NamedTuple):
     steps: list[dict[str, Any]]  # that were judged: from, to, share, share_error, gain (dB), gain_error, revisit_share and _error, taken
 
 
-# What a step tells, as a column of vtkBigusPoseCorrection's table.
+# Columns of VTK's tables by their names in Python, and what they hold: steps of a pose correction, findings, decisions.
 STEP_COLUMNS: dict[str, type] = {**dict.fromkeys(("from", "to", "share", "share_error", "gain", "gain_error", "revisit_share",
                                                   "revisit_error"), float), "taken": bool}  # fmt: skip
+FINDING_COLUMNS: dict[str, type] = {"kind": str, "frames": int, "pixels": int, "applied": bool, "text": str}
+DECISION_COLUMNS: dict[str, type] = {"decision": str, "choice": str, "evidence": str, "seconds": float}
 SCORES = ("PSNR", "SSIM", "BFS", "MeanContrast", "ContrastDistribution", "Rayleigh")  # of an image beside the truth
 
 

@@ -8,13 +8,14 @@ The page Sources.md says which frames of coordinates are meant, with a picture.
 
 from __future__ import annotations
 
+import contextlib
 import csv
 import functools
 import importlib
 import os
 import pathlib
 import re
-from typing import Any, Callable, Iterable, NamedTuple, Optional, Sequence, Union
+from typing import Any, Callable, Iterable, Iterator, NamedTuple, Optional, Sequence, Union
 from xml.etree import ElementTree
 
 import numpy as np
@@ -88,20 +89,25 @@ def _need(package: str, what: Path, remedy: str = "") -> Any:
         raise SourceError(f"{what}: needs the package {package} ({error}); install it with pip{remedy}") from None
 
 
-def _says_what_is_wrong(read: Callable) -> Callable:
+@contextlib.contextmanager
+def _refused(path: Path, what: str, advice: str = "it may be cut off: fetch it again") -> Iterator[None]:
     """What packages that read a damaged file raise, of whatever type, becomes one line that names the file."""
+    try:
+        yield
+    except (SourceError, ImportError):
+        raise
+    except Exception as error:
+        if isinstance(error, OSError) and error.filename is not None:
+            raise  # it names the file
+        raise SourceError(f"{path}: {what} ({type(error).__name__}: {str(error)[:120]}); {advice}") from error
 
+
+def _says_what_is_wrong(read: Callable) -> Callable:
     @functools.wraps(read)
     def reader(path: Path, *arguments: Any, **named: Any) -> Any:
-        try:
+        with _refused(path, "cannot be read", "it may be damaged: fetch it again"):
+            _require_file(path)
             return read(path, *arguments, **named)
-        except (SourceError, ImportError):
-            raise
-        except Exception as error:
-            if isinstance(error, OSError) and error.filename is not None:
-                raise  # it names the file
-            raise SourceError(f"{path}: cannot be read ({type(error).__name__}: {str(error)[:120]}); it may be damaged: fetch it "
-                              "again") from error
 
     return reader
 
@@ -200,10 +206,8 @@ def _chosen(path: Path, role: str, found: Sequence[Stored], top: Sequence[str], 
 
 
 def _numpy(path: Path, names: Sequence[str], what: str, dataset: Sequence[str] = ()) -> np.ndarray:
-    try:
+    with _refused(path, "not an array of numpy that can be read", "write it with numpy.save"):
         loaded = np.load(path, allow_pickle=False)
-    except Exception as error:
-        raise SourceError(f"{path}: not an array of numpy that can be read ({error}); write it with numpy.save") from None
     if isinstance(loaded, np.ndarray):
         return loaded
     with loaded:
@@ -240,27 +244,22 @@ def _hdf5(path: Path, role: str, dataset: Sequence[str] = (), scan: Optional[str
         else:
             singles.setdefault((single[1] + "s", entry.shape), []).append((int(single[2]), name))
 
-    try:
-        with h5py.File(path, "r") as file:
-            file.visititems(look)
-            for name in (*IMAGES, *POSES):  # links to data elsewhere, which are not visited
-                if not isinstance(file.get(name, getlink=True), (h5py.HardLink, type(None))):
-                    look(name, file.get(name))
-            for (name, shape), numbered in singles.items():
-                parts[name] = [part for _, part in sorted(numbered)]
-                found.append(_stored(name, (len(numbered), *shape), dataset))
-            one = _chosen(path, role, [array for array in found if array is not None], sorted(file), dataset, scan)
-            names = parts.get(one.name, [one.name])
-            group = file[names[0]].parent
-            beside = {name: np.asarray(group[name][()], float) for name in ("pixel_to_image", "spacing")
-                      if isinstance(group.get(name), h5py.Dataset) and group[name].size <= 16}
-            if one.is_stack:
-                return file[one.name][_of_stack(path, one, scan)], beside
-            return np.stack([file[name][()] for name in names]) if one.name in parts else file[one.name][()], beside
-    except SourceError:
-        raise
-    except Exception as error:
-        raise SourceError(f"{path}: not an HDF5 file that can be read ({error}); it may be cut off: fetch it again") from None
+    with _refused(path, "not an HDF5 file that can be read"), h5py.File(path, "r") as file:
+        file.visititems(look)
+        for name in (*IMAGES, *POSES):  # links to data elsewhere, which are not visited
+            if not isinstance(file.get(name, getlink=True), (h5py.HardLink, type(None))):
+                look(name, file.get(name))
+        for (name, shape), numbered in singles.items():
+            parts[name] = [part for _, part in sorted(numbered)]
+            found.append(_stored(name, (len(numbered), *shape), dataset))
+        one = _chosen(path, role, [array for array in found if array is not None], sorted(file), dataset, scan)
+        names = parts.get(one.name, [one.name])
+        group = file[names[0]].parent
+        beside = {name: np.asarray(group[name][()], float) for name in ("pixel_to_image", "spacing")
+                  if isinstance(group.get(name), h5py.Dataset) and group[name].size <= 16}
+        if one.is_stack:
+            return file[one.name][_of_stack(path, one, scan)], beside
+        return np.stack([file[name][()] for name in names]) if one.name in parts else file[one.name][()], beside
 
 
 def _require_arrays(paths: Sequence[Path], dataset: Sequence[str]) -> None:
@@ -268,18 +267,19 @@ def _require_arrays(paths: Sequence[Path], dataset: Sequence[str]) -> None:
     names: list = []
     for path in paths:
         _require_file(path)
-        try:
+        with _refused(path, "cannot be read"):
             if _suffix(path) == ".npz":
                 with np.load(path, allow_pickle=False) as loaded:
                     names += loaded.files
             elif _suffix(path) in HDF5:
                 with _need("h5py", path).File(path, "r") as file:
                     file.visit(names.append)
-        except OSError as error:
-            raise SourceError(f"{path}: cannot be read ({error}); it may be cut off: fetch it again") from None
     for name in dataset:
         if name not in names:
             raise SourceError(f"{_listed(paths)}: has no array {name}; there are {_listed(names)}")
+
+
+CONVERT = "convert the video, for example with ffmpeg to .mp4 (H.264)"
 
 
 def _video(path: Path) -> Images:
@@ -298,7 +298,7 @@ def _video(path: Path) -> Images:
         times.append(capture.get(cv2.CAP_PROP_POS_MSEC) / 1000)  # of the frame that was read; before, of the one before it
     capture.release()
     if not frames:
-        raise SourceError(f"{path}: no frame can be read; convert the video, for example with ffmpeg to .mp4 (H.264)")
+        raise SourceError(f"{path}: no frame can be read; {CONVERT}")
     times = np.array(times) - times[0]  # older versions count from the end of the first
     if not np.all(np.diff(times) > 0):  # not every container has times
         times = np.arange(len(frames)) / rate if rate > 0 else None
@@ -307,16 +307,10 @@ def _video(path: Path) -> Images:
 
 def _video_by_imageio(path: Path) -> Images:
     imageio = _need("imageio", path, ", with imageio-ffmpeg, or install opencv-python-headless")
-    try:
-        with imageio.get_reader(os.fspath(path)) as reader:
-            facts = reader.get_meta_data()
-            rate, duration = facts.get("fps"), facts.get("duration")
-            frames = [as_pixels(np.asarray(frame)[np.newaxis], path)[0] for frame in reader]
-    except SourceError:
-        raise
-    except Exception as error:
-        raise SourceError(f"{path}: no frame can be read ({error}); convert the video, for example with ffmpeg to .mp4 "
-                          "(H.264)") from None
+    with _refused(path, "no frame can be read", CONVERT), imageio.get_reader(os.fspath(path)) as reader:
+        facts = reader.get_meta_data()
+        rate, duration = facts.get("fps"), facts.get("duration")
+        frames = [as_pixels(np.asarray(frame)[np.newaxis], path)[0] for frame in reader]
     if not frames:
         raise SourceError(f"{path}: has no frame")
     # imageio fills gaps with repeated frames and does not tell times.
@@ -389,17 +383,12 @@ def _list_of_frames(path: pathlib.Path) -> np.ndarray:
 
 def _dicom(path: Path) -> Images:
     pydicom = _need("pydicom", path)
-    try:
+    with _refused(path, "not a DICOM file that can be read"):
         data = pydicom.dcmread(os.fspath(path))
-    except Exception as error:
-        raise SourceError(f"{path}: not a DICOM file that can be read ({error}); it may be cut off: fetch it again") from None
     if "PixelData" not in data:
         raise SourceError(f"{path}: PixelData is missing; a multi-frame image is expected")
-    try:
-        pixels = data.pixel_array
-    except Exception as error:  # a compression whose codec is missing
-        raise SourceError(f"{path}: its pixels cannot be decoded ({error}); install pylibjpeg or write it uncompressed, for "
-                          "example with gdcmconv --raw") from None
+    with _refused(path, "its pixels cannot be decoded", "install pylibjpeg or write it uncompressed, for example with gdcmconv --raw"):
+        pixels = data.pixel_array  # of a compression whose codec may be missing
     frames, samples = int(data.get("NumberOfFrames", 1) or 1), int(data.get("SamplesPerPixel", 1))
     if frames < 2:
         raise SourceError(f"{path}: NumberOfFrames is {frames}; a multi-frame image is expected: give the pictures of single "
@@ -446,7 +435,6 @@ def _sequence(path: Path) -> Images:
 @_says_what_is_wrong
 def read_images(path: Path, dataset: Sequence[str] = (), scan: Optional[str] = None) -> Images:
     """The frames of a file, a folder of pictures, or a text file that lists them. dataset, scan: as in from_files."""
-    _require_file(path)
     path, suffix = pathlib.Path(path), _suffix(path)
     if path.is_dir():
         return Images(_folder(path))
@@ -684,7 +672,6 @@ def _sequence_poses(path: Path) -> Poses:
 @_says_what_is_wrong
 def read_poses(path: Path, order: str = "xyzw", dataset: Sequence[str] = (), scan: Optional[str] = None) -> Poses:
     """The poses of a file. order: of a quaternion that has no names, xyzw or wxyz. dataset, scan: as in from_files."""
-    _require_file(path)
     suffix = _suffix(path)
     if suffix in (".npy", ".npz", *HDF5):
         beside: dict = {}
@@ -730,7 +717,6 @@ def _plus_calibration(path: Path, text: str) -> np.ndarray:
 def read_calibration(path: Path) -> tuple:
     """(matrix [4, 4] from a pixel to the probe, whether it counts pixels from 1), of 16 numbers in a text or .npy file, of
     ImageToProbe in a Plus configuration, or of the two matrices of TUS-REC: pixels to mm, and mm to the tool."""
-    _require_file(path)
     if _suffix(path) == ".npy":
         array = _numpy(path, (), "a matrix")
         numbers = array.astype(float).ravel() if array.dtype.kind in "fiu" else np.zeros(0)

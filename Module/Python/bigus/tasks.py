@@ -89,7 +89,7 @@ def check(sweep: vtkImageData, keep: str) -> list[dict]:
     inspection = vtkBigusSweepInspection()
     inspection.SetInputDataObject(sweep)
     inspection.SetKeep(keep)
-    return _rows(update(inspection).GetFindings(), kind=str, frames=int, pixels=int, applied=bool, text=str)
+    return _rows(update(inspection).GetFindings(), **common.FINDING_COLUMNS)
 
 
 def correct_poses(sweep: vtkImageData, properties: dict[str, Any]) -> dict[str, Any]:
@@ -164,7 +164,7 @@ def _result(trainer: vtkBigusTrainer) -> dict[str, Any]:
     return {
         "field": trainer.GetOutputDataObject(0),
         "log": trainer.GetLog(),
-        "decisions": _rows(trainer.GetDecisions(), decision=str, choice=str, evidence=str, seconds=float),
+        "decisions": _rows(trainer.GetDecisions(), **common.DECISION_COLUMNS),
         "poses": np.empty((0, 4, 4)) if poses is None else vtk_to_numpy(poses).reshape(-1, 4, 4),
         "options": {name: trainer.GetSettledOption(name) for name in names},
         "device": trainer.GetDevice(),

@@ -33,10 +33,9 @@ from .sources import SourceError, from_files
 from .tasks import Phantom, Slicer, distance_to_frames, label, label_map, options, plane
 
 if TYPE_CHECKING:  # what is loaded, with VTK, when it is asked for
-    from .field_filters import *
+    from .data_filters import *
     from .filters import *
     from .pipeline import update
-    from .sweep_filters import *
 
 __all__ = [
     "Error", "Field", "Phantom", "Planes", "PoseCorrection", "Slicer", "SourceError", "Sweep", "Training",
@@ -48,9 +47,8 @@ __all__ = [
 _FILTERS = {  # by the module that they are in
     "filters": ["vtkBigusFieldReader", "vtkBigusFieldToImage", "vtkBigusFieldWriter", "vtkBigusReslice",
                 "vtkBigusSequenceReader", "vtkBigusSequenceWriter", "vtkBigusTrainer", "vtkBigusVoxelizer"],
-    "field_filters": ["vtkBigusFieldTensors", "vtkBigusPartitionField", "vtkBigusTransformField"],
-    "sweep_filters": ["vtkBigusImageMetrics", "vtkBigusPhantomSource", "vtkBigusPoseCorrection",
-                      "vtkBigusSweepInspection", "vtkBigusSweepOutline"],
+    "data_filters": ["vtkBigusFieldTensors", "vtkBigusImageMetrics", "vtkBigusPartitionField", "vtkBigusPhantomSource",
+                     "vtkBigusPoseCorrection", "vtkBigusSweepInspection", "vtkBigusSweepOutline", "vtkBigusTransformField"],
     "pipeline": ["update"],
 }
 _FROM = {**{name: module for module, names in _FILTERS.items() for name in names}, **_added_filters}

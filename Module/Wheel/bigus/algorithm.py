@@ -19,7 +19,7 @@ from vtkmodules.vtkCommonMath import vtkMatrix4x4
 
 from . import _core
 from .documentation import CLASSES
-from .names import no_such, snake_case
+from .names import no_such, snake_case, vtk_case
 from .pipeline import set_properties
 from .vtkdata import texts_to_vtk, to_vtk
 
@@ -123,6 +123,13 @@ def ports(**names: int) -> Callable[[type], type]:
     """Adds Get<Name> and Get<Name>Port of outputs by their numbers."""
     return _adds(*({"Get" + name: lambda self, number=number: self.GetOutputDataObject(number),
                     f"Get{name}Port": lambda self, number=number: self.GetOutputPort(number)} for name, number in names.items()))
+
+
+def input_ports(**names: int) -> Callable[[type], type]:
+    """Adds Set<Name>Connection and Set<Name>Data of inputs by their numbers."""
+    return _adds(*({f"Set{name}Connection": lambda self, port, number=number: self.SetInputConnection(number, port),
+                    f"Set{name}Data": lambda self, data, number=number: self.SetInputDataObject(number, data)}
+                   for name, number in names.items()))  # fmt: skip
 
 
 def getters(source: str, **names: tuple[str, Any]) -> Callable[[type], type]:
@@ -388,3 +395,11 @@ def table_of(columns: dict[str, Any]) -> vtkTable:
     for name, values in columns.items():
         table.AddColumn(to_vtk(values, name) if isinstance(values, np.ndarray) else texts_to_vtk(values, name))
     return table
+
+
+def table_of_rows(rows: Sequence[dict[str, Any]], **kinds: type) -> vtkTable:
+    """Rows of such values by their names in snake case, with VTK's names of columns."""
+    types = {int: np.int32, bool: np.int32, float: np.float64}
+    columns = {name: [row[name] for row in rows] for name in kinds}
+    return table_of({vtk_case(name): values if kinds[name] is str else np.array(values, types[kinds[name]])
+                     for name, values in columns.items()})  # fmt: skip

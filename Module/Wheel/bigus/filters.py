@@ -16,25 +16,20 @@ from typing import Any, Callable, Optional, Sequence
 import numpy as np
 from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.util.vtkConstants import vtkImageScalarTypeNameMacro
-from vtkmodules.vtkCommonCore import VTK_FLOAT, VTK_UNSIGNED_CHAR, vtkDoubleArray, vtkIntArray
-from vtkmodules.vtkCommonDataModel import vtkDataObject, vtkImageData, vtkPolyData, vtkTable
+from vtkmodules.vtkCommonCore import VTK_FLOAT, VTK_UNSIGNED_CHAR, vtkDoubleArray
+from vtkmodules.vtkCommonDataModel import vtkDataObject, vtkImageData, vtkPolyData
 from vtkmodules.vtkCommonExecutionModel import vtkAlgorithm, vtkExecutive, vtkStreamingDemandDrivenPipeline
 from vtkmodules.vtkCommonMath import vtkMatrix4x4
 from vtkmodules.vtkImagingCore import vtkImageStencilData
 
-from . import _core
-from .algorithm import Algorithm, Choice, Clamped, Open, add_methods, extent_of, fills, getters, guarded, infos_of, matrix_of
-from .algorithm import parts, ports, properties, table_of, tell_image, transform_matrix
+from . import _core, common
+from .algorithm import Algorithm, Choice, Clamped, Open, add_methods, extent_of, fills, getters, guarded, infos_of, input_ports
+from .algorithm import matrix_of, parts, ports, properties, table_of, table_of_rows, tell_image, transform_matrix
 from .functions import TrainingInterrupted, read_field, train, write
-from .names import snake_case
+from .names import snake_case, vtk_case
 from .settings import FIELD_OUTPUT, SEQUENCE, SEQUENCE_OUTPUT, SLICER
 from .vtkdata import field_of_polydata, image_of, polydata_of_field, poses_of_image, provenance_of, share_label_names
 from .vtkdata import sweep_of_image, to_vtk
-
-__all__ = [
-    "vtkBigusFieldReader", "vtkBigusFieldToImage", "vtkBigusFieldWriter", "vtkBigusReslice", "vtkBigusSequenceReader",
-    "vtkBigusSequenceWriter", "vtkBigusTrainer", "vtkBigusVoxelizer",
-]  # fmt: skip
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -131,24 +126,6 @@ class vtkBigusSequenceReader(_Source):
 
     def GetNumberOfRejectedFrames(self) -> int:
         return self.GetNumberOfFramesInFile() - self.GetNumberOfAcceptedFrames()
-
-    def GetNumberOfRejectionReasons(self) -> int:
-        return len(self._found.get("rejections", ()))
-
-    def GetRejectionReason(self, index: int) -> str:
-        return self._found["rejections"][index][0]
-
-    def GetRejectionCount(self, index: int) -> int:
-        return len(self._found["rejections"][index][1])
-
-    def GetNumberOfTransforms(self) -> int:
-        return len(self._found.get("transforms", ()))
-
-    def GetTransformName(self, index: int) -> str:
-        return self._found["transforms"][index][0]
-
-    def GetTransformSource(self, index: int) -> str:
-        return self._found["transforms"][index][1]
 
     def _times(self) -> Optional[np.ndarray]:
         times = self._found.get("timestamps")
@@ -449,6 +426,8 @@ _FRAMES = ("TrainingFrames", "ValidationFrames", "HeldOutFrames")
 @getters("_about", IterationsDone=("iterations", 0), Seconds=("seconds", 0.0), Device=("device", ""), Aborted=("aborted", False),
          Finished=("finished", False), **{name: (name, None) for name in (*_FRAMES, "CorrectedPoses", "Decisions")})
 @properties(KeepStandardError=True)
+@ports(Log=1)
+@input_ports(InitialField=1)
 class vtkBigusTrainer(Algorithm):
     """Trains a field (output 0, vtkPolyData) on a sweep (vtkImageData), with a log (output 1, vtkTable).
 
@@ -466,11 +445,8 @@ class vtkBigusTrainer(Algorithm):
         self._forget()
 
     def _forget(self) -> None:
-        nothing = table_of({"Decision": [], "Choice": [], "Evidence": [], "Seconds": np.empty(0)})
-        self._about: dict[str, Any] = {"CorrectedPoses": vtkDoubleArray(), "Decisions": nothing}
-        for name in _FRAMES:
-            self._about[name] = vtkIntArray()
-            self._about[name].SetName(name)
+        self._about: dict[str, Any] = {"CorrectedPoses": vtkDoubleArray(), "Decisions": table_of_rows([], **common.DECISION_COLUMNS),
+                                       **{name: to_vtk(np.empty(0, np.int32), name) for name in _FRAMES}}  # fmt: skip
 
     def _set(self, name: str, value: Any) -> None:
         option = self._known[name]
@@ -515,15 +491,6 @@ class vtkBigusTrainer(Algorithm):
     def GetSettledOption(self, name: str) -> str:
         return self._about.get("options", {}).get(name, "")
 
-    def SetInitialFieldConnection(self, port: Any) -> None:
-        self.SetInputConnection(1, port)
-
-    def SetInitialFieldData(self, field: Any) -> None:
-        self.SetInputDataObject(1, field)
-
-    def GetLog(self) -> vtkTable:
-        return self.GetOutputDataObject(1)
-
     def _fill(self, data: list, outputs: list) -> None:
         self._forget()
         images, sweeps, frames = data[0], [], []
@@ -552,25 +519,20 @@ class vtkBigusTrainer(Algorithm):
         lines = [*lines, "filter=vtkBigusTrainer", *result.field.provenance]
         provenance = {line.split("=", 1)[0]: line for line in lines}
         for name in _FRAMES:
-            key, array = name[0].lower() + name[1:], self._about[name]
-            provenance[key] = key + "=" + " ".join(str(array.GetValue(k)) for k in range(array.GetNumberOfValues()))
+            key = name[0].lower() + name[1:]
+            provenance[key] = key + "=" + " ".join(map(str, vtk_to_numpy(self._about[name])))
         result.field.provenance = list(provenance.values())
         outputs[0].ShallowCopy(polydata_of_field(result.field))
-        columns = {"Iteration": "iteration", "Seconds": "seconds", "Loss": "loss", "ValidationPSNR": "validation_psnr",
-                   "Gaussians": "gaussians", "Rate": "rate"}
-        outputs[1].ShallowCopy(table_of({column: result.log[name] for column, name in columns.items()}))
+        columns = {"ValidationPSNR" if name == "validation_psnr" else vtk_case(name): values for name, values in result.log.items()}
+        outputs[1].ShallowCopy(table_of(columns))
 
     def _keep(self, result: Any, images: list[vtkImageData], frames: list[np.ndarray]) -> None:
         first = np.cumsum([0, *(image.GetDimensions()[2] for image in images)])
         numbers_of = np.concatenate([own + offset for own, offset in zip(frames, first)])
-        for name in _FRAMES:
-            for number in self._about[snake_case(name)]:  # the caller knows frames by index in the image
-                self._about[name].InsertNextValue(int(numbers_of[number]))
-        rows = result.decisions
-        self._about["Decisions"] = table_of({
-            **{name: [row[name.lower()] for row in rows] for name in ("Decision", "Choice", "Evidence")},
-            "Seconds": np.array([row["seconds"] for row in rows]),
-        })
+        for name in _FRAMES:  # the caller knows frames by index in the image
+            own_numbers = np.array(self._about[snake_case(name)], dtype=int)
+            self._about[name] = to_vtk(numbers_of[own_numbers].astype(np.int32), name)
+        self._about["Decisions"] = table_of_rows(result.decisions, **common.DECISION_COLUMNS)
         used = np.cumsum([0, *map(len, frames)])
         poses = [poses_of_image(image, own, result.poses[begin : begin + len(own)])
                  for image, own, begin in zip(images, frames, used)]

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: BIGUS authors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Pipeline filters in pure Python that make, mend, draw and score sweeps and images, as the C++ classes do."""
+"""Pipeline filters in pure Python that make, mend, draw and score sweeps and images, and change fields, as the C++ classes do."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from vtkmodules.vtkCommonExecutionModel import vtkStreamingDemandDrivenPipeline
 from vtkmodules.vtkCommonMath import vtkMatrix4x4
 
 from . import _core, common, settings
-from .algorithm import Algorithm, Choice, Clamped, getters, guarded, matrix_of, ports, properties, table_of, tell_image
+from .algorithm import Algorithm, Choice, Clamped, getters, guarded, input_ports, matrix_of, parts, ports, properties, table_of
+from .algorithm import table_of_rows, tell_image, transform_matrix
 from .names import snake_case, vtk_case
-from .vtkdata import cells_of, image_of_sweep, points_of, poses_of_image, set_provenance, sweep_of_image, texts_to_vtk, to_vtk
-
-__all__ = ["vtkBigusImageMetrics", "vtkBigusPhantomSource", "vtkBigusPoseCorrection", "vtkBigusSweepInspection",
-           "vtkBigusSweepOutline"]  # fmt: skip
+from .sources import rotation_of
+from .vtkdata import cells_of, field_of_polydata, ids_to_vtk, image_of_sweep, points_of, polydata_of_field, poses_of_image
+from .vtkdata import set_provenance, sweep_of_image, texts_to_vtk, to_vtk
 
 _OPTIONS = _core.phantom_options()
 _NAMES = {vtk_case(name): name for name in _OPTIONS if name not in ("frames", "width", "height", "probe", "scene")}
@@ -88,6 +88,7 @@ class _OfSweeps(Algorithm):
 
 
 @properties(**settings.CORRECTION)
+@ports(Steps=1)
 class vtkBigusPoseCorrection(_OfSweeps):
     """Takes the tracker's noise out of a sweep's poses; the C++ class lists the arrays that tell what was done."""
 
@@ -130,20 +131,13 @@ class vtkBigusPoseCorrection(_OfSweeps):
         data.AddArray(texts_to_vtk([decision["choice"], decision["evidence"]], "PoseDecision"))
         set_provenance(data, "sweep.poses", f"{decision['choice']} ({decision['evidence']})")
         self._chosen = found["strength"]
-        outputs[1].ShallowCopy(table_of({
-            vtk_case(key): np.array([row[key] for row in found["steps"]], dtype=np.int32 if kind is bool else np.float64)
-            for key, kind in common.STEP_COLUMNS.items()}))  # fmt: skip
-
-    def GetSteps(self) -> Any:
-        return self.GetOutputDataObject(1)
+        outputs[1].ShallowCopy(table_of_rows(found["steps"], **common.STEP_COLUMNS))
 
 
 @properties(Keep="none")
+@ports(Findings=1)
 class vtkBigusSweepInspection(_OfSweeps):
     """Says what is wrong with recorded frames: the sweep with an array Finding, and a table with a row a finding."""
-
-    def GetFindings(self) -> Any:
-        return self.GetOutputDataObject(1)
 
     def _fill(self, inputs: list, outputs: list) -> None:
         image = inputs[0][0]
@@ -153,10 +147,7 @@ class vtkBigusSweepInspection(_OfSweeps):
         every = np.zeros(image.GetDimensions()[2], dtype=np.int32)
         every[frames] = reasons
         outputs[0].GetFieldData().AddArray(to_vtk(every, "Finding"))
-        columns = {"Kind": [row["kind"] for row in rows]}
-        for name in ("Frames", "Pixels", "Applied"):
-            columns[name] = np.array([row[name.lower()] for row in rows], dtype=np.int32)
-        outputs[1].ShallowCopy(table_of({**columns, "Text": [row["text"] for row in rows]}))
+        outputs[1].ShallowCopy(table_of_rows(rows, **common.FINDING_COLUMNS))
 
 
 @properties(FrameStride=Clamped(1, 1, 2**31 - 1), GeneratePixels=False)
@@ -212,6 +203,7 @@ SPREADS = ("PSNR", "SSIM")
 
 
 @getters("_means", **{name: (name, 0.0) for name in (*common.SCORES, *TEXTURES, *(name + "StandardDeviation" for name in SPREADS))})
+@input_ports(Truth=1)
 class vtkBigusImageMetrics(Algorithm):
     """How close an image (input 0) is to the truth (input 1): a table with a row for each z slice."""
 
@@ -219,12 +211,6 @@ class vtkBigusImageMetrics(Algorithm):
 
     def _begin(self) -> None:
         self._means: dict[str, float] = {}
-
-    def SetTruthConnection(self, port: Any) -> None:
-        self.SetInputConnection(1, port)
-
-    def SetTruthData(self, image: Any) -> None:
-        self.SetInputDataObject(1, image)
 
     @staticmethod
     def _pixels(image: Optional[vtkImageData], name: str) -> np.ndarray:
@@ -268,3 +254,57 @@ class vtkBigusImageMetrics(Algorithm):
         for name in SPREADS:  # equal slices of infinite PSNR do not spread
             values = columns[name]
             self._means[name + "StandardDeviation"] = 0.0 if (values == values[0]).all() else float(np.std(values))
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# Fields
+
+
+@parts("Transform")
+class vtkBigusTransformField(Algorithm):
+    """Moves, turns, mirrors and scales a field: points, scales, rotations and the beam's thickness together.
+
+    Transform is linear and stretches alike in all directions; None changes nothing. Changes to it are followed.
+    """
+
+    _inputs = _outputs = ("vtkPolyData",)
+
+    def _fill(self, data: list, outputs: list) -> None:
+        field = field_of_polydata(data[0][0])
+        matrix = transform_matrix(self.GetTransform(), "Transform", "space")
+        outputs[0].ShallowCopy(polydata_of_field(field if matrix is None else field.transformed(matrix)))
+        if matrix is not None:
+            key = "transform="
+            before = [line[len(key):] for line in field.provenance if line.startswith(key)]
+            text = _core.transform_text(before[0] if before else "", matrix)
+            set_provenance(outputs[0].GetFieldData(), "transform", text)
+
+
+@properties(Tensor=Choice(0, ("StandardDeviation", "Covariance")))
+class vtkBigusFieldTensors(Algorithm):
+    """Gives a field the tensors that VTK's glyph filters ask for: R diag(s) R^T, or the covariance R diag(s^2) R^T."""
+
+    StandardDeviation, Covariance = range(2)
+
+    _inputs = _outputs = ("vtkPolyData",)
+
+    def _fill(self, data: list, outputs: list) -> None:
+        field = field_of_polydata(data[0][0])
+        w_last = np.roll(field.rotations, -1, axis=1)
+        axes, lengths = rotation_of(w_last), field.scales ** (1 + self._values["Tensor"])
+        tensors = np.einsum("nik,nk,njk->nij", axes, lengths, axes)
+        outputs[0].ShallowCopy(data[0][0])
+        outputs[0].GetPointData().SetTensors(to_vtk(tensors.reshape(-1, 9), self.GetTensorAsString()))
+
+
+@properties(NumberOfChunks=16, NumberOfPieces=1, Piece=0)
+class vtkBigusPartitionField(Algorithm):
+    """One process's part of a field, as the C++ class makes it."""
+
+    _inputs = _outputs = ("vtkPolyData",)
+
+    def _fill(self, data: list, outputs: list) -> None:
+        total, piece, pieces = (self._values[name] for name in ("NumberOfChunks", "Piece", "NumberOfPieces"))
+        part, first, sizes = field_of_polydata(data[0][0]).part(total, piece, pieces)
+        outputs[0].ShallowCopy(polydata_of_field(part))
+        outputs[0].GetFieldData().AddArray(ids_to_vtk([total, first, *sizes], "Chunks"))
