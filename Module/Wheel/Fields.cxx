@@ -39,31 +39,6 @@ void Copy(const InputDoubles& from, std::vector<Eigen::Matrix<double, Rows, 1>>&
   }
 }
 
-Field Make(const InputDoubles& centers, const InputDoubles& scales, const InputDoubles& rotations,
-           const InputDoubles& reflectivities, double gamma, double elevationSigma, double probeElevationSigma,
-           const InputDoubles& normals)
-{
-  RequireShape(centers, {-1, 3}, "centers");
-  const auto n = static_cast<std::int64_t>(centers.shape(0));
-  RequireShape(scales, {n, 3}, "scales");
-  RequireShape(rotations, {n, 4}, "rotations");
-  RequireShape(reflectivities, {n}, "reflectivities");
-  RequireShape(normals, {-1, 3}, "trained_normals");
-  Field made;
-  GaussianField& field = made.field;
-  field.Resize(static_cast<std::size_t>(n));
-  Copy(centers, field.means);
-  Copy(scales, field.scales);
-  Copy(rotations, field.rotations);
-  field.reflectivities.assign(reflectivities.data(), reflectivities.data() + n);
-  field.transfer.gamma = gamma;
-  field.beam.elevationSigma = elevationSigma;
-  field.beam.probeElevationSigma = probeElevationSigma;
-  Copy(normals, field.beam.trainedNormals);
-  field.Validate();
-  return made;
-}
-
 template <class Rows>
 Array Stacked(const Rows& rows, std::size_t columns)
 {
@@ -219,10 +194,15 @@ void BindField(nb::module_& m)
                     "Signed Gaussians in space: r exp(-1/2 (x - mu)^T Sigma^-1 (x - mu)), Sigma = R diag(s)^2 "
                     "R^T. The arrays are views: what is written to them changes the field, and using a field "
                     "checks it. They keep it alive.")
-      .def(nb::init<>())
-      .def_static("make", &Make, "centers"_a, "scales"_a, "rotations"_a, "reflectivities"_a, "gamma"_a,
-                  "elevation_sigma"_a, "probe_elevation_sigma"_a, "trained_normals"_a,
-                  "What bigus.field() calls, with every argument.")
+      .def(
+          "__init__",
+          [](Field* self, std::size_t gaussians, std::size_t normals)
+          {
+            new (self) Field();
+            self->field.Resize(gaussians);
+            self->field.beam.trainedNormals.resize(normals);
+          },
+          "gaussians"_a = 0, "trained_normals"_a = 0, "So many of each, for bigus.field() to fill.")
       .def_prop_ro("centers", &ArrayOf<&GaussianField::means>, "mu: float64 [n, 3], mm, world frame.")
       .def_prop_ro("scales", &ArrayOf<&GaussianField::scales>,
                    "s: float64 [n, 3], standard deviations along the Gaussian's own axes, mm, above 0.")

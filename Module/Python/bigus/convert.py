@@ -12,52 +12,47 @@
 from __future__ import annotations
 
 import argparse
+import inspect
+import re
 import sys
 import warnings
-from typing import Optional, Sequence
+from typing import Any, Optional, Sequence
+
+import bigus
+from bigus import sources
+
+# How words of a command line become what from_files takes.
+WORDS: dict[str, dict[str, Any]] = {
+    "images": {}, "poses": {"nargs": "?"}, "calibration": {"metavar": "FILE"}, "reference": {"metavar": "POSES"},
+    "pixel_spacing": {"nargs": 2, "type": float, "metavar": ("SX", "SY")}, "scan": {"metavar": "NAME"},
+    "origin_pixel": {"nargs": 2, "type": float, "metavar": ("I", "J")}, "first_pixel": {"type": int, "choices": (0, 1)},
+    "dataset": {"nargs": "+", "action": "extend", "metavar": "NAME"}, "units": {"choices": ("mm", "cm", "m")},
+    "quaternion": {"choices": ("xyzw", "wxyz")}, "inverse": {"action": "store_true"}, "by_time": {"action": "store_true"},
+    "crop": {"nargs": 4, "type": int, "metavar": ("I", "J", "W", "H")}, "time_offset": {"type": float, "metavar": "S"},
+    "longest_gap": {"type": float, "metavar": "S"},
+}  # fmt: skip
 
 
 def parser() -> argparse.ArgumentParser:
+    """Of the options of from_files, with what it says of them."""
     parser = argparse.ArgumentParser(prog="python3 -m bigus.convert", description=__doc__,
                                      formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("images", help=".npy, .npz, .h5, a video, DICOM, .mha, .nrrd, a folder of pictures, or a .txt that lists them")
-    parser.add_argument("poses", nargs="?", help=".csv, .txt, .npy, .h5 or .seq.mha; not given where IMAGES has them, too")
+    said = dict(re.findall(r"^    (\w+): (.*(?:\n        .*)*)", sources.from_files.__doc__ or "", re.MULTILINE))
+    for name, option in inspect.signature(sources.load).parameters.items():
+        usual = f" (default: {option.default})" if isinstance(option.default, (str, float)) else ""
+        text = " ".join(said[name].split()) + usual
+        if name in ("images", "poses"):
+            parser.add_argument(name, help=text, **WORDS[name])
+        else:
+            default = list(option.default) if option.default == () else option.default
+            parser.add_argument("--" + name.replace("_", "-"), help=text, default=default, **WORDS[name])
     parser.add_argument("-o", "--output", required=True, help="sequence to write: .igs.mha")
-    parser.add_argument("--calibration", metavar="FILE",
-                        help="from a pixel to the probe (from mm with --pixel-spacing): 16 numbers, a Plus configuration, or "
-                             "TUS-REC's CSV")
-    parser.add_argument("--pixel-spacing", nargs=2, type=float, metavar=("SX", "SY"), help="mm along columns i and rows j")
-    parser.add_argument("--origin-pixel", nargs=2, type=float, default=(0, 0), metavar=("I", "J"),
-                        help="the pixel that the pose or the calibration calls its origin (default: 0 0)")
-    parser.add_argument("--dataset", nargs="+", action="extend", default=[], metavar="NAME",
-                        help="arrays of an HDF5 or .npz file that are the images and the poses, where it has several")
-    parser.add_argument("--scan", metavar="NAME",
-                        help="which scan of an HDF5 file that holds several: part of its name, or its number, from 0, in one "
-                             "array")
-    parser.add_argument("--first-pixel", type=int, choices=(0, 1),
-                        help="what the calibration counts the first pixel as (default: 0, and 1 for TUS-REC)")
-    parser.add_argument("--reference", metavar="POSES", help="poses of a second tool, in which the sweep shall lie")
-    parser.add_argument("--units", choices=("mm", "cm", "m"), default="mm", help="of the positions (default: mm)")
-    parser.add_argument("--quaternion", choices=("xyzw", "wxyz"), default="xyzw",
-                        help="their order where columns have no names (default: xyzw)")
-    parser.add_argument("--inverse", action="store_true", help="poses lead from the reference to the probe")
-    parser.add_argument("--crop", nargs=4, type=int, metavar=("I", "J", "W", "H"),
-                        help="column, row, columns and rows that are the image, as in a screen capture")
-    parser.add_argument("--by-time", action="store_true",
-                        help="take poses at the frames' times even where there is one pose a frame")
-    parser.add_argument("--time-offset", type=float, default=0.0, metavar="S",
-                        help="added to the frames' times to give the poses' (default: 0)")
-    parser.add_argument("--longest-gap", type=float, default=0.2, metavar="S",
-                        help="the most time between two poses that are interpolated (default: 0.2)")
     return parser
 
 
 def main(arguments: Optional[Sequence[str]] = None) -> int:
     options = vars(parser().parse_args(arguments))
     output = options.pop("output")
-
-    import bigus  # after the help, which needs no VTK
-
     try:
         if not output.lower().endswith(".mha"):
             raise ValueError(f"{output}: the name must end in .igs.mha or .mha")

@@ -32,13 +32,8 @@ if TYPE_CHECKING:
 # Arrays
 
 
-def sweep(
-    frames: ArrayLike,
-    poses: ArrayLike,
-    timestamps: Optional[ArrayLike] = None,
-    mask: Optional[ArrayLike] = None,
-    spacing: Optional[Sequence[float]] = None,
-) -> Sweep:
+def sweep(frames: ArrayLike, poses: ArrayLike, timestamps: Optional[ArrayLike] = None, mask: Optional[ArrayLike] = None,
+          spacing: Optional[Sequence[float]] = None) -> Sweep:
     """A tracked sweep of arrays.
 
     frames: [frames, height, width], uint8, uint16 (65535 is white), bool, or floats in [0, 1]. C-contiguous uint8 and
@@ -218,16 +213,9 @@ class Training(_FieldAndLog):
         return f"<bigus.Training of {tasks.size(self.field)} Gaussians, {how} after {self.iterations} iterations{held_out}>"
 
 
-def train(
-    sweep: Union[Sweep, Sequence[Sweep]],
-    progress: Progress = None,
-    start: Optional[Field] = None,
-    checkpoint: Optional[Path] = None,
-    resume: bool = False,
-    checkpoint_interval: float = 60,
-    keep_standard_error: bool = True,
-    **properties: Unpack[TrainOptions],
-) -> Training:
+def train(sweep: Union[Sweep, Sequence[Sweep]], progress: Progress = None, start: Optional[Field] = None,
+          checkpoint: Optional[Path] = None, resume: bool = False, checkpoint_interval: float = 60,
+          keep_standard_error: bool = True, **properties: Unpack[TrainOptions]) -> Training:
     """Trains a field on a sweep; gives the pair of the field and the training log, with the decisions.
 
     A list of sweeps of one patient in one reference frame trains one field. Poses are corrected and frames held out in each

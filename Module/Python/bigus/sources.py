@@ -903,24 +903,11 @@ class Sweep(NamedTuple):
     notes: list  # what was decided or left out, a sentence each
 
 
-def load(
-    images: Path,
-    poses: Optional[Path] = None,
-    calibration: Optional[Path] = None,
-    pixel_spacing: Optional[Sequence[float]] = None,
-    origin_pixel: Sequence[float] = (0, 0),
-    first_pixel: Optional[int] = None,
-    reference: Optional[Path] = None,
-    units: str = "mm",
-    quaternion: str = "xyzw",
-    inverse: bool = False,
-    crop: Optional[Sequence[int]] = None,
-    by_time: bool = False,
-    time_offset: float = 0.0,
-    longest_gap: float = 0.2,
-    dataset: Union[str, Sequence[str]] = (),
-    scan: Optional[str] = None,
-) -> Sweep:
+def load(images: Path, poses: Optional[Path] = None, calibration: Optional[Path] = None,
+         pixel_spacing: Optional[Sequence[float]] = None, origin_pixel: Sequence[float] = (0, 0), first_pixel: Optional[int] = None,
+         reference: Optional[Path] = None, units: str = "mm", quaternion: str = "xyzw", inverse: bool = False,
+         crop: Optional[Sequence[int]] = None, by_time: bool = False, time_offset: float = 0.0, longest_gap: float = 0.2,
+         dataset: Union[str, Sequence[str]] = (), scan: Optional[str] = None) -> Sweep:
     """See from_files."""
     if units not in MILLIMETRES:
         raise ValueError(f"units is {units!r}; mm, cm or m is expected")
@@ -1040,21 +1027,24 @@ def from_files(images: Path, poses: Optional[Path] = None, **options: Any) -> An
 
     images: .npy, .npz, .h5 (frames), a video, DICOM of many frames, .mha or .nrrd, a folder of pictures, or a .txt that
         lists them.
-    poses: .csv or .txt (matrices, or positions and quaternions), .npy, .h5 (tforms), or .seq.mha of 3D Slicer; None where
+    poses: .csv or .txt (matrices, or positions and quaternions), .npy, .h5 (tforms), or .seq.mha of 3D Slicer; not given where
         images has them, too. Rows of zeros, empty cells, NaN, words or a status other than OK are frames without a pose.
-    calibration: from a pixel to the probe, or from mm in the image where pixel_spacing is given: 16 numbers in a file,
+    calibration: from a pixel to the probe, or from mm in the image where a pixel spacing is given: 16 numbers in a file,
         a Plus configuration with ImageToProbe, or calib_matrix.csv of TUS-REC, which counts pixels from 1.
     pixel_spacing: mm along i and j. Without it and without a calibration poses lead from pixels.
     origin_pixel: the pixel (i, j) that the calibration, or the pose, calls its origin.
-    first_pixel: what the calibration counts the first pixel as, 0 or 1; None: 0, and 1 for TUS-REC.
-    reference: poses of a second tool, in which the sweep shall lie.
-    units: of the positions: mm, cm or m. quaternion: order without names, xyzw or wxyz. inverse: poses lead to the probe.
-    crop: column, row, columns, rows of every frame that are the image, as in a screen capture.
-    by_time: takes poses at the frames' times even where there are as many poses as frames. time_offset: s, added to the
-        frames' times to give the poses'. longest_gap: s, between poses that are interpolated.
     dataset: names of arrays in an HDF5 or .npz file, of images, of poses or of both, where they have other names than usual.
     scan: which one of an HDF5 file that holds several; of its name as much as no other has, or its number, from 0, where they
         lie in one array (scans, frames, height, width).
+    first_pixel: what the calibration counts the first pixel as, 0 or 1; by default 0, and 1 for TUS-REC.
+    reference: poses of a second tool, in which the sweep shall lie.
+    units: of the positions, mm, cm or m.
+    quaternion: its order where columns have no names, xyzw or wxyz.
+    inverse: poses lead from the reference to the probe.
+    crop: column, row, columns, rows of every frame that are the image, as in a screen capture.
+    by_time: take poses at the frames' times even where there are as many poses as frames.
+    time_offset: s, added to the frames' times to give the poses'.
+    longest_gap: s, the most between two poses that are interpolated.
 
     Raises SourceError, a ValueError, that names file, field, what was found and what to do.
     """

@@ -31,16 +31,9 @@ def poses(sweep: Sweep) -> np.ndarray:
     return sweep.poses
 
 
-def field(
-    centers: ArrayLike,
-    scales: ArrayLike,
-    reflectivities: ArrayLike,
-    rotations: Optional[ArrayLike] = None,
-    gamma: float = 1.0,
-    elevation_sigma: float = 0.0,
-    probe_elevation_sigma: float = 0.0,
-    trained_normals: Optional[ArrayLike] = None,
-) -> Field:
+def field(centers: ArrayLike, scales: ArrayLike, reflectivities: ArrayLike, rotations: Optional[ArrayLike] = None,
+          gamma: float = 1.0, elevation_sigma: float = 0.0, probe_elevation_sigma: float = 0.0,
+          trained_normals: Optional[ArrayLike] = None) -> Field:
     """A field of arrays, which are copied.
 
     centers: [n, 3], mm. scales: [n, 3], standard deviations, mm, above 0. reflectivities: [n], signed.
@@ -51,11 +44,18 @@ def field(
     Raises ValueError for shapes that do not fit and Error, which names the array, the index and the value.
     """
     means = doubles(centers, "centers")
-    if rotations is None:
-        rotations = np.tile([1.0, 0.0, 0.0, 0.0], (len(means), 1))
-    normals = np.empty((0, 3)) if trained_normals is None else doubles(trained_normals, "trained_normals")
-    return Field.make(means, doubles(scales, "scales"), doubles(rotations, "rotations"), doubles(reflectivities, "reflectivities"),
-                      float(gamma), float(elevation_sigma), float(probe_elevation_sigma), normals)
+    given = {"centers": means, "scales": scales, "reflectivities": reflectivities,
+             "rotations": np.tile([1.0, 0.0, 0.0, 0.0], (len(means), 1)) if rotations is None else rotations,
+             "trained_normals": np.empty((0, 3)) if trained_normals is None else trained_normals}
+    made = Field(len(means), len(given["trained_normals"]))
+    for name, values in given.items():
+        numbers, own = doubles(values, name), getattr(made, name)
+        if numbers.shape != own.shape:
+            raise ValueError(f"{name} must be of shape {own.shape}, not {numbers.shape}")
+        own[...] = numbers
+    made.gamma, made.elevation_sigma, made.probe_elevation_sigma = float(gamma), float(elevation_sigma), float(probe_elevation_sigma)
+    made.validate()
+    return made
 
 
 # What pickle keeps: positional arguments of the functions above.

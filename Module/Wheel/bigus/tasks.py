@@ -65,9 +65,8 @@ OPTIONS: dict[str, dict[str, Any]] = {
 OPTION_LINES = [f"    {option['name']}: {option_text(option)}" for option in _core.options()]
 
 
-def settings_of(
-    known: dict[str, Any], given: dict[str, Any], owner: str, noun: str = "property", complete: bool = True
-) -> dict[str, Any]:
+def settings_of(known: dict[str, Any], given: dict[str, Any], owner: str, noun: str = "property",
+                complete: bool = True) -> dict[str, Any]:
     """What is given, each value of its default's kind; the default where it is None and, if complete, where it is not given."""
     chosen = dict(known) if complete else {}
     for name, value in by_name(given, known, owner, noun).items():
@@ -266,26 +265,16 @@ class Slicer:
         images, seen = self._renderer.render(pixels, width, height, scattering, coverage)
         return (images[0], seen[0] if coverage else None) if is_one else (images, seen)
 
-    def slice(
-        self,
-        planes: ArrayLike,
-        size: Sequence[int],
-        spacing: Union[None, float, Sequence[float]] = None,
-        scattering: bool = False,
-    ) -> np.ndarray:
+    def slice(self, planes: ArrayLike, size: Sequence[int], spacing: Union[None, float, Sequence[float]] = None,
+              scattering: bool = False) -> np.ndarray:
         """The image at a plane [4, 4] (or images at planes [n, 4, 4]): float32 [height, width] or [n, height, width].
 
         size: (width, height) in pixels. spacing: as for reslice. scattering: signed S instead of intensity in [0, 1).
         """
         return self._render(planes, size, spacing, scattering, False)[0]
 
-    def slice_and_coverage(
-        self,
-        planes: ArrayLike,
-        size: Sequence[int],
-        spacing: Union[None, float, Sequence[float]] = None,
-        scattering: bool = False,
-    ) -> tuple[np.ndarray, np.ndarray]:
+    def slice_and_coverage(self, planes: ArrayLike, size: Sequence[int], spacing: Union[None, float, Sequence[float]] = None,
+                           scattering: bool = False) -> tuple[np.ndarray, np.ndarray]:
         """The same with the coverage: the sum of all Gaussians' weights, near 0 where the sweep saw nothing."""
         return self._render(planes, size, spacing, scattering, True)
 
@@ -347,9 +336,7 @@ def image_and_error(field: Field, plane: Any, size: Any, spacing: Any, caller: s
     return image, sigma, lambda chosen: _core.standard_error_of_mean(kept, matrix, sigma, chosen)
 
 
-def distance_to_frames(
-    sweep: Sweep, plane: ArrayLike, size: Sequence[int], frames: Optional[Sequence[int]] = None
-) -> np.ndarray:
+def distance_to_frames(sweep: Sweep, plane: ArrayLike, size: Sequence[int], frames: Optional[Sequence[int]] = None) -> np.ndarray:
     """From every pixel of a plane to the nearest of the sweep's frames, mm: float32 [height, width].
 
     frames: the numbers of those that count; by default all.
