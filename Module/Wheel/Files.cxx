@@ -18,32 +18,12 @@
 #include "IO/SequenceFrames.h"
 #include "IO/SequenceOutput.h"
 #include "IO/Text.h"
+#include "Progress.h"
 
 namespace bigus
 {
 namespace
 {
-
-/// Runs `work` while other threads of Python run. It gets a function that says whether to go on, for Ctrl-C.
-template <class Work>
-void WorkAlone(const Work& work)
-{
-  bool isInterrupted = false;
-  {
-    const nb::gil_scoped_release others;
-    work(
-        [&isInterrupted](double)
-        {
-          const nb::gil_scoped_acquire lock;
-          isInterrupted = isInterrupted || PyErr_CheckSignals() != 0;
-          return !isInterrupted;
-        });
-  }
-  if (isInterrupted)
-  {
-    throw nb::python_error();
-  }
-}
 
 /// A setting by its name in settings.py.
 template <class Value>
@@ -98,28 +78,27 @@ struct ReadFile
 ReadFile Read(const std::string& path, const PoseOptions& options, const ImageOptions& images, const Clip& clip,
               bool keepsRejected, double pixelRange)
 {
-  ReadFile found;
-  WorkAlone(
-      [&](const std::function<bool(double)>& goOn)
+  const auto read = [&](PythonProgress& goOn)
+  {
+    ReadFile found;
+    SequenceFile& file = found.file;
+    file = ReadSequenceFile(path, images);
+    ResolvePoses(file, options, found.poses);
+    found.poses.RequireFrames(path);
+    found.shape = ClipMask(file, clip);
+    for (std::size_t k = 0; k < found.poses.frames.size(); ++k)
+    {
+      if (keepsRejected || found.poses.frames[k].accepted)
       {
-        SequenceFile& file = found.file;
-        file = ReadSequenceFile(path, images);
-        ResolvePoses(file, options, found.poses);
-        found.poses.RequireFrames(path);
-        found.shape = ClipMask(file, clip);
-        for (std::size_t k = 0; k < found.poses.frames.size(); ++k)
-        {
-          if (keepsRejected || found.poses.frames[k].accepted)
-          {
-            found.frames.push_back(static_cast<int>(k));
-          }
-        }
-        const std::size_t size = static_cast<std::size_t>(file.FrameBytes()) * found.frames.size();
-        found.bytes = AllocatePixels<unsigned char>(size);
-        ReadFrames(file, found.poses, found.frames, found.shape, std::max(0.0, pixelRange), goOn, found.bytes.get(),
-                   found.read);
-      });
-  return found;
+        found.frames.push_back(static_cast<int>(k));
+      }
+    }
+    found.bytes = AllocatePixels<unsigned char>(static_cast<std::size_t>(file.FrameBytes()) * found.frames.size());
+    ReadFrames(file, found.poses, found.frames, found.shape, std::max(0.0, pixelRange), std::ref(goOn),
+               found.bytes.get(), found.read);
+    return found;
+  };
+  return WorkAlone(nb::none(), read);
 }
 
 std::vector<std::string> WarningsOf(const std::string& path, const std::string& from, const ReadFile& found)
@@ -208,7 +187,7 @@ nb::dict ReadSequence(const std::string& path, const nb::kwargs& settings)
 void Write(SequenceToWrite sequence, const std::vector<Eigen::Matrix4d>& poses, const std::string& path)
 {
   sequence.imageToReference = RowByRow(poses);
-  WorkAlone([&](const std::function<bool(double)>& goOn) { WriteSequence(sequence, path, goOn); });
+  WorkAlone(nb::none(), [&](PythonProgress& goOn) { return WriteSequence(sequence, path, std::ref(goOn)); });
 }
 
 void WriteSweep(const Sweep& sweep, const std::string& path, const std::string& from, const std::string& to,

@@ -80,14 +80,8 @@ void Set(PhantomOptions& options, const std::string& name, nb::handle value)
 /// Of no frames where `progress` stopped it.
 std::shared_ptr<Sweep> SweepOf(const Phantom& phantom, const nb::object& progress)
 {
-  PythonProgress calls(progress);
-  auto sweep = std::make_shared<Sweep>();
-  {
-    const nb::gil_scoped_release others;
-    *sweep = phantom.MakeSweep([&](double fraction) { return calls(fraction); });
-  }
-  calls.Rethrow();
-  return sweep;
+  return WorkAlone(progress,
+                   [&](PythonProgress& goOn) { return std::make_shared<Sweep>(phantom.MakeSweep(std::ref(goOn))); });
 }
 
 std::shared_ptr<Sweep> TruthOf(const Phantom& phantom, const Eigen::Matrix4d& pose, int width, int height)

@@ -15,7 +15,7 @@ namespace bigus
 class PythonProgress
 {
 public:
-  explicit PythonProgress(nb::object function = nb::none()) : function_(std::move(function)) {}
+  explicit PythonProgress(nb::object function) : function_(std::move(function)) {}
 
   /// False: stop. Takes Python's lock.
   template <class... Facts>
@@ -50,5 +50,19 @@ private:
   nb::object function_;
   std::exception_ptr raised_;
 };
+
+/// What `work(progress)` gives, done while other threads of Python run. Raises what ended it, if Ctrl-C or `function` did.
+template <class Work>
+auto WorkAlone(const nb::object& function, const Work& work)
+{
+  PythonProgress progress(function);
+  auto result = [&]
+  {
+    const nb::gil_scoped_release others;
+    return work(progress);
+  }();
+  progress.Rethrow();
+  return result;
+}
 
 }  // namespace bigus

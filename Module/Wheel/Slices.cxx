@@ -91,7 +91,8 @@ public:
   /// z; None when `progress` said stop.
   nb::object RenderPart(const Eigen::Matrix4d& indexToWorld, const Extent& whole, const Extent& extent,
                         bool isScattering, bool isBytes, const std::tuple<int, double, int, bool>& slab,
-                        const std::pair<double, double>& seenAbove, bool isCovered, bool isStencil, nb::object progress)
+                        const std::pair<double, double>& seenAbove, bool isCovered, bool isStencil,
+                        const nb::object& progress)
   {
     const auto [planes, spacing, mode, trapezoid] = slab;
     const Slab joined{planes, spacing, static_cast<Slab::Mode>(mode), trapezoid};
@@ -128,10 +129,11 @@ public:
     };
     const auto draw = [&](PythonProgress& tell)
     {
+      const std::lock_guard<std::mutex> alone(mutex_);
       return bands_.Run({indexToWorld, whole, extent}, needsCoverage, joined, PlanesSeen(OutputOf(isScattering)),
                         [&](const PixelBand& band) { return keep(band), tell(band.fraction); });
     };
-    if (!Finish(draw, std::move(progress)))
+    if (!WorkAlone(progress, draw))
     {
       return nb::none();
     }
@@ -142,12 +144,13 @@ public:
 
   /// Standard errors of part of a grid; None when `progress` said stop.
   std::optional<Array> StandardErrorPart(const nb::bytes& kept, const Eigen::Matrix4d& indexToWorld,
-                                         const Extent& whole, const Extent& extent, nb::object progress)
+                                         const Extent& whole, const Extent& extent, const nb::object& progress)
   {
     const std::string bytes(kept.c_str(), kept.size());
     std::vector<float> sigma(static_cast<std::size_t>(ExtentSize(extent)));
     const auto evaluate = [&](PythonProgress& tell)
     {
+      const std::lock_guard<std::mutex> alone(mutex_);
       const auto render = [&](const Extent& part, float* image)
       {
         const auto keep = [image](const PixelBand& band)
@@ -157,25 +160,10 @@ public:
       };
       return StandardError(bytes).Evaluate({indexToWorld, whole, extent}, render, sigma.data());
     };
-    return Finish(evaluate, std::move(progress)) ? std::optional(Owned(std::move(sigma))) : std::nullopt;
+    return WorkAlone(progress, evaluate) ? std::optional(Owned(std::move(sigma))) : std::nullopt;
   }
 
 private:
-  /// Whether `work(tell)` was done, with the engine to itself, while other threads of Python run.
-  template <class Work>
-  bool Finish(const Work& work, nb::object progress)
-  {
-    PythonProgress tell(std::move(progress));
-    bool isFinished = false;
-    {
-      const nb::gil_scoped_release others;
-      const std::lock_guard<std::mutex> alone(mutex_);
-      isFinished = work(tell);
-    }
-    tell.Rethrow();
-    return isFinished;
-  }
-
   /// Each plane as it looks from there.
   RenderPlanes PlanesSeen(ViewOutput output)
   {

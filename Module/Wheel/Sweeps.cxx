@@ -129,19 +129,12 @@ Array ConfirmedStepsToArray(const PoseCorrection& found)
 nb::object Correct(const std::shared_ptr<Sweep>& sweep, std::optional<double> strength, int holdOut,
                    const nb::object& progress)
 {
-  PoseCorrection found;
-  std::shared_ptr<Sweep> corrected;
-  PythonProgress calls(progress);
+  const auto correct = [&](PythonProgress& goOn)
   {
-    const nb::gil_scoped_release others;
     const auto [frames, heldOut] = SplitHoldOut(sweep->NumberOfFrames(), holdOut);
-    found = CorrectPoses(*sweep, frames, {strength}, [&](double fraction) { return calls(fraction); });
-    if (!found.aborted)
-    {
-      corrected = std::make_shared<Sweep>(AtCorrectedPoses(*sweep, found));
-    }
-  }
-  calls.Rethrow();
+    return CorrectPoses(*sweep, frames, {strength}, std::ref(goOn));
+  };
+  const PoseCorrection found = WorkAlone(progress, correct);
   if (found.aborted)
   {
     return nb::none();
@@ -154,13 +147,13 @@ nb::object Correct(const std::shared_ptr<Sweep>& sweep, std::optional<double> st
                       step.revisitError, "taken", step.isTaken));
   }
   const Trajectory& path = found.trajectory;
-  return Dict("sweep", corrected, "displacement", Owned(path.displacement), "rotation", Owned(path.rotation), "outlier",
-              Owned(path.isOutlier), "stroke", Owned(path.stroke), "noise",
-              Dict("translation", path.translationNoise, "rotation", path.rotationNoise, "corner", path.cornerNoise),
-              "constant_errors", ConstantErrorsToArray(found.constant), "constant_errors_applied",
-              found.constant.IsSignificant(), "confirmed_steps", ConfirmedStepsToArray(found), "strength",
-              found.strength, "steps", steps, "decision",
-              Dict("choice", found.decision.choice, "evidence", found.decision.evidence));
+  return Dict(
+      "sweep", std::make_shared<Sweep>(AtCorrectedPoses(*sweep, found)), "displacement", Owned(path.displacement),
+      "rotation", Owned(path.rotation), "outlier", Owned(path.isOutlier), "stroke", Owned(path.stroke), "noise",
+      Dict("translation", path.translationNoise, "rotation", path.rotationNoise, "corner", path.cornerNoise),
+      "constant_errors", ConstantErrorsToArray(found.constant), "constant_errors_applied",
+      found.constant.IsSignificant(), "confirmed_steps", ConfirmedStepsToArray(found), "strength", found.strength,
+      "steps", steps, "decision", Dict("choice", found.decision.choice, "evidence", found.decision.evidence));
 }
 
 /// The scores of an image, by their names in Python. With `texture` also every number of the comparison of textures, by the
