@@ -209,28 +209,30 @@ nb::tuple ToPython(const OutputGrid& grid)
   return nb::make_tuple(numbers(grid.spacing), numbers(grid.origin), grid.extent);
 }
 
-/// `input()` gives the field, or spacing, origin and extent of an image.
-nb::tuple GridOfSlice(const Numbers& spacing, const Numbers& origin, const std::optional<Extent>& extent,
-                      const Eigen::Matrix4d& axes, const std::optional<Eigen::Matrix4d>& transform, bool turnsInput,
-                      bool crops, int dimensionality, const nb::callable& input)
+/// What `input()` says that is to be covered: a field, along the axes, or spacing, origin and extent of an image.
+InputGrid InputOf(const nb::callable& input, const Eigen::Matrix3d& axes, int maximumDimension)
 {
-  const auto derive = [&]
+  return [&input, axes, maximumDimension]
   {
     const nb::object found = input();
     if (nb::isinstance<Field>(found))
     {
-      const GaussianField& field = nb::cast<const Field&>(found).field;
-      return GridOver(BoundsAlong(field, Eigen::Matrix3d::Identity()), kDefaultDimension);
+      return GridOver(BoundsAlong(nb::cast<const Field&>(found).field, axes), maximumDimension);
     }
     const auto [step, start, indices] =
         nb::cast<std::tuple<std::array<double, 3>, std::array<double, 3>, Extent>>(found);
     return OutputGrid{Eigen::Vector3d(step.data()), Eigen::Vector3d(start.data()), indices};
   };
-  return ToPython(
-      ResliceGrid(Given(spacing, origin, extent), {axes, transform, turnsInput, crops, dimensionality}, derive));
 }
 
-/// `field()` gives the field.
+nb::tuple GridOfSlice(const Numbers& spacing, const Numbers& origin, const std::optional<Extent>& extent,
+                      const Eigen::Matrix4d& axes, const std::optional<Eigen::Matrix4d>& transform, bool turnsInput,
+                      bool crops, int dimensionality, const nb::callable& input)
+{
+  return ToPython(ResliceGrid(Given(spacing, origin, extent), {axes, transform, turnsInput, crops, dimensionality},
+                              InputOf(input, Eigen::Matrix3d::Identity(), kDefaultDimension)));
+}
+
 nb::tuple GridOfVoxels(const Numbers& spacing, const Numbers& origin, const std::optional<std::array<int, 3>>& size,
                        const std::array<double, 9>& direction, int maximumDimension, const nb::callable& field)
 {
@@ -240,12 +242,7 @@ nb::tuple GridOfVoxels(const Numbers& spacing, const Numbers& origin, const std:
     extent = {0, (*size)[0] - 1, 0, (*size)[1] - 1, 0, (*size)[2] - 1};
   }
   const Eigen::Matrix3d axes = Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(direction.data());
-  const auto derive = [&]
-  {
-    const nb::object found = field();
-    return GridOver(BoundsAlong(nb::cast<const Field&>(found).field, axes), maximumDimension);
-  };
-  return ToPython(VoxelGrid(Given(spacing, origin, extent), axes, derive));
+  return ToPython(VoxelGrid(Given(spacing, origin, extent), axes, InputOf(field, axes, maximumDimension)));
 }
 
 Array PlaceOfIndices(const Eigen::Matrix4d& axes, const std::optional<Eigen::Matrix4d>& transform,

@@ -183,18 +183,8 @@ class SweepAccessor:
         return mesh(train(self.sweep, **options).field)
 
 
-class _Accessor:
-    """Gives every mesh of a class its accessor, where PyVista itself has no way to register one."""
-
-    def __init__(self, kind: type):
-        self._kind = kind
-
-    def __get__(self, instance: Any, owner: type) -> Any:
-        return self._kind if instance is None else self._kind(instance)
-
-
 for _mesh, _kind in ((pyvista.PolyData, FieldAccessor), (pyvista.ImageData, SweepAccessor)):
     if hasattr(pyvista, "register_dataset_accessor"):
         pyvista.register_dataset_accessor("bigus", _mesh)(_kind)
     else:
-        _mesh.bigus = _Accessor(_kind)
+        _mesh.bigus = property(_kind)  # PyVista itself has no way to register one
