@@ -2,14 +2,14 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "vtkBigusPoseCorrection.h"
 
-#include <array>
+#include <algorithm>
 #include <optional>
-#include <utility>
 #include <vector>
 
-#include "Core/Deciding/PoseCorrection.h"
+#include "Core/Deciding/PoseCorrectionNumbers.h"
 #include "Core/Inspection/Inspection.h"
 #include "Core/Model/Sweep.h"
+#include "Data/Arrays.h"
 #include "Data/Progress.h"
 #include "Data/Provenance.h"
 #include "Data/SweepData.h"
@@ -48,50 +48,17 @@ void AddFrameArray(vtkImageData* image, const char* name, const std::vector<T>& 
   image->GetFieldData()->AddArray(array);
 }
 
-void AddConstantErrors(vtkImageData* image, const bigus::ConstantErrors& errors)
+void AddNumbers(vtkImageData* image, const bigus::NamedNumbers& numbers)
 {
-  const std::array<std::pair<const char*, bigus::ConstantError>, 7> all{{{"Delay", errors.delay},
-                                                                         {"ShiftX", errors.shift[0]},
-                                                                         {"ShiftY", errors.shift[1]},
-                                                                         {"ShiftZ", errors.shift[2]},
-                                                                         {"RotationX", errors.rotation[0]},
-                                                                         {"RotationY", errors.rotation[1]},
-                                                                         {"RotationZ", errors.rotation[2]}}};
-  vtkNew<vtkDoubleArray> array;
-  array->SetName("ConstantErrors");
-  array->SetNumberOfComponents(static_cast<int>(all.size()));
-  array->SetNumberOfTuples(3);
-  for (int k = 0; k < static_cast<int>(all.size()); ++k)
+  const auto count = static_cast<int>(numbers.components.size());
+  const auto array =
+      bigus::NewArray<vtkDoubleArray>(numbers.name, count, numbers.values.size() / numbers.components.size());
+  std::copy(numbers.values.begin(), numbers.values.end(), array->GetPointer(0));
+  for (int k = 0; k < count && count > 1; ++k)
   {
-    const bigus::ConstantError& error = all[k].second;
-    array->SetComponentName(k, all[k].first);
-    array->SetComponent(0, k, error.value);
-    array->SetComponent(1, k, error.standardError);
-    array->SetComponent(2, k, error.isObservable ? 1 : 0);
+    array->SetComponentName(k, numbers.components[k]);
   }
   image->GetFieldData()->AddArray(array);
-  vtkNew<vtkUnsignedCharArray> applied;
-  applied->SetName("ConstantErrorsApplied");
-  applied->InsertNextValue(errors.IsSignificant() ? 1 : 0);
-  image->GetFieldData()->AddArray(applied);
-}
-
-/// What frames that had no part say of the delay, of the calibration and of the alignment of frames to each other.
-void AddConfirmedSteps(vtkImageData* image, const bigus::PoseCorrection& correction)
-{
-  vtkNew<vtkDoubleArray> steps;
-  steps->SetName("ConfirmedSteps");
-  steps->SetNumberOfComponents(4);
-  for (const auto& [k, name] : {std::pair{0, "Share"}, {1, "ShareError"}, {2, "Gain"}, {3, "Taken"}})
-  {
-    steps->SetComponentName(k, name);
-  }
-  for (const bigus::ConfirmedStep* step :
-       {&correction.constant.delayStep, &correction.constant.calibrationStep, &correction.alignment})
-  {
-    steps->InsertNextTuple4(step->share, step->shareError, step->gain, step->isTaken ? 1 : 0);
-  }
-  image->GetFieldData()->AddArray(steps);
 }
 
 void FillSteps(const std::vector<bigus::PoseStep>& steps, vtkTable* table)
@@ -116,22 +83,13 @@ void AddFindings(vtkImageData* image, const bigus::PoseCorrection& found, const 
   AddFrameArray<vtkUnsignedCharArray>(image, "PoseOutlier", path.isOutlier, frames, std::uint8_t(0));
   AddFrameArray<vtkIntArray>(image, "PoseStroke", path.stroke, frames, -1);
 
-  AddConstantErrors(image, found.constant);
-  AddConfirmedSteps(image, found);
-
-  vtkNew<vtkDoubleArray> noise;
-  noise->SetName("TrackerNoise");
-  noise->SetNumberOfComponents(3);
-  noise->SetComponentName(0, "Translation");
-  noise->SetComponentName(1, "Rotation");
-  noise->SetComponentName(2, "Corner");
-  noise->InsertNextTuple3(path.translationNoise, path.rotationNoise, path.cornerNoise);
-  image->GetFieldData()->AddArray(noise);
-
-  vtkNew<vtkDoubleArray> strength;
-  strength->SetName("PoseStrength");
-  strength->InsertNextValue(found.strength);
-  image->GetFieldData()->AddArray(strength);
+  for (const bigus::NamedNumbers& numbers : bigus::NumbersOf(found))
+  {
+    AddNumbers(image, numbers);
+  }
+  const auto applied = bigus::NewArray<vtkUnsignedCharArray>("ConstantErrorsApplied", 1, 1);
+  applied->SetValue(0, found.constant.IsSignificant() ? 1 : 0);
+  image->GetFieldData()->AddArray(applied);
 
   vtkNew<vtkStringArray> decision;
   decision->SetName("PoseDecision");

@@ -4,7 +4,7 @@
 #include <memory>
 
 #include "Arrays.h"
-#include "Core/Deciding/PoseCorrection.h"
+#include "Core/Deciding/PoseCorrectionNumbers.h"
 #include "Core/Inspection/Inspection.h"
 #include "Core/Metrics/BackscatterFidelity.h"
 #include "Core/Metrics/Metrics.h"
@@ -99,33 +99,6 @@ std::optional<Array> MaskOf(nb::handle self)
   return sweep.mask ? std::optional(View(sweep.mask->data(), {h, w}, self)) : std::nullopt;
 }
 
-/// Delay, three shifts, three rotations: [estimate, standard error, whether pictures tell it; 7].
-Array ConstantErrorsToArray(const ConstantErrors& errors)
-{
-  std::vector<double> numbers(3 * 7);
-  const ConstantError* all[] = {&errors.delay,       &errors.shift[0],    &errors.shift[1],   &errors.shift[2],
-                                &errors.rotation[0], &errors.rotation[1], &errors.rotation[2]};
-  for (int k = 0; k < 7; ++k)
-  {
-    numbers[k] = all[k]->value;
-    numbers[7 + k] = all[k]->standardError;
-    numbers[14 + k] = all[k]->isObservable ? 1 : 0;
-  }
-  return Owned(std::move(numbers), {3, 7});
-}
-
-/// Of the delay, the calibration and the alignment: [share, standard error, dB, whether it is taken; 3 x 4]; not numbers where
-/// not asked.
-Array ConfirmedStepsToArray(const PoseCorrection& found)
-{
-  std::vector<double> numbers;
-  for (const ConfirmedStep* step : {&found.constant.delayStep, &found.constant.calibrationStep, &found.alignment})
-  {
-    numbers.insert(numbers.end(), {step->share, step->shareError, step->gain, step->isTaken ? 1.0 : 0.0});
-  }
-  return Owned(std::move(numbers), {3, 4});
-}
-
 nb::object Correct(const std::shared_ptr<Sweep>& sweep, std::optional<double> strength, int holdOut,
                    const nb::object& progress)
 {
@@ -146,14 +119,18 @@ nb::object Correct(const std::shared_ptr<Sweep>& sweep, std::optional<double> st
                       step.gain, "gain_error", step.gainError, "revisit_share", step.revisitShare, "revisit_error",
                       step.revisitError, "taken", step.isTaken));
   }
+  nb::list numbers;  // (name, names of components, [tuples, components])
+  for (NamedNumbers& one : NumbersOf(found))
+  {
+    const std::size_t count = one.components.size(), tuples = one.values.size() / count;
+    numbers.append(nb::make_tuple(one.name, one.components, Owned(std::move(one.values), {tuples, count})));
+  }
   const Trajectory& path = found.trajectory;
-  return Dict(
-      "sweep", std::make_shared<Sweep>(AtCorrectedPoses(*sweep, found)), "displacement", Owned(path.displacement),
-      "rotation", Owned(path.rotation), "outlier", Owned(path.isOutlier), "stroke", Owned(path.stroke), "noise",
-      Dict("translation", path.translationNoise, "rotation", path.rotationNoise, "corner", path.cornerNoise),
-      "constant_errors", ConstantErrorsToArray(found.constant), "constant_errors_applied",
-      found.constant.IsSignificant(), "confirmed_steps", ConfirmedStepsToArray(found), "strength", found.strength,
-      "steps", steps, "decision", Dict("choice", found.decision.choice, "evidence", found.decision.evidence));
+  return Dict("sweep", std::make_shared<Sweep>(AtCorrectedPoses(*sweep, found)), "displacement",
+              Owned(path.displacement), "rotation", Owned(path.rotation), "outlier", Owned(path.isOutlier), "stroke",
+              Owned(path.stroke), "numbers", numbers, "constant_errors_applied", found.constant.IsSignificant(),
+              "strength", found.strength, "steps", steps, "decision",
+              Dict("choice", found.decision.choice, "evidence", found.decision.evidence));
 }
 
 /// The scores of an image, by their names in Python. With `texture` also every number of the comparison of textures, by the

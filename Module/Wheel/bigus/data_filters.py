@@ -92,9 +92,6 @@ class _OfSweeps(Algorithm):
 class vtkBigusPoseCorrection(_OfSweeps):
     """Takes the tracker's noise out of a sweep's poses; the C++ class lists the arrays that tell what was done."""
 
-    CONSTANT_ERRORS = ("Delay", "ShiftX", "ShiftY", "ShiftZ", "RotationX", "RotationY", "RotationZ")
-    CONFIRMED_STEPS = ("Share", "ShareError", "Gain", "Taken")
-
     _chosen = 0.0
 
     def GetChosenStrength(self) -> float:
@@ -112,20 +109,18 @@ class vtkBigusPoseCorrection(_OfSweeps):
             return  # stopped: the output stays empty, and the next update begins anew
         recorded = vtk_to_numpy(image.GetFieldData().GetArray("ImageToReference")).astype(np.float64)
         output.ShallowCopy(image)
-        poses, noise, decision = poses_of_image(image, frames, found["sweep"].poses), found["noise"], found["decision"]
-        arrays = {"ImageToReference": poses.reshape(-1, 16), "RecordedImageToReference": recorded}
+        poses, decision = poses_of_image(image, frames, found["sweep"].poses), found["decision"]
+        arrays = {"ImageToReference": poses.reshape(-1, 16), "RecordedImageToReference": recorded,
+                  "ConstantErrorsApplied": np.array([found["constant_errors_applied"]], dtype=np.uint8)}
         for key, rejected in (("displacement", 0), ("rotation", 0), ("outlier", 0), ("stroke", -1)):
             every = arrays["Pose" + key.capitalize()] = np.full(len(recorded), rejected, dtype=found[key].dtype)
             every[frames] = found[key]
-        arrays["ConstantErrors"], arrays["ConfirmedSteps"] = found["constant_errors"], found["confirmed_steps"]
-        arrays["ConstantErrorsApplied"] = np.array([found["constant_errors_applied"]], dtype=np.uint8)
-        arrays["TrackerNoise"], arrays["PoseStrength"] = np.array([list(noise.values())]), np.array([found["strength"]])
-        components = {"ConstantErrors": self.CONSTANT_ERRORS, "ConfirmedSteps": self.CONFIRMED_STEPS,
-                      "TrackerNoise": [name.capitalize() for name in noise]}
         data = output.GetFieldData()
         for name, values in arrays.items():
+            data.AddArray(to_vtk(values, name))
+        for name, components, values in found["numbers"]:
             array = to_vtk(values, name)
-            for k, component in enumerate(components.get(name, ())):
+            for k, component in enumerate(filter(None, components)):
                 array.SetComponentName(k, component)
             data.AddArray(array)
         data.AddArray(texts_to_vtk([decision["choice"], decision["evidence"]], "PoseDecision"))

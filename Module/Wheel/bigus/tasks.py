@@ -163,6 +163,8 @@ def correct_poses(sweep: Sweep, properties: dict[str, Any]) -> dict[str, Any]:
         warnings.warn(finding["text"], RuntimeWarning, stacklevel=3)
     found = _core.correct_poses(sweep, strength, chosen["HoldOut"])
     found["outlier"] = found["outlier"] != 0
+    (found["noise"],) = ({part.lower(): float(value) for part, value in zip(parts, values[0])}
+                         for name, parts, values in found["numbers"] if name == "TrackerNoise")  # fmt: skip
     return {name: found[name] for name in common.PoseCorrection._fields}
 
 
