@@ -382,6 +382,19 @@ std::string ComputePose(const Fields& fields, const std::vector<Step>& chain, co
 
 }  // namespace
 
+std::vector<int> PoseTable::Kept(bool keepsRejected) const
+{
+  std::vector<int> kept;
+  for (std::size_t k = 0; k < frames.size(); ++k)
+  {
+    if (keepsRejected || frames[k].accepted)
+    {
+      kept.push_back(static_cast<int>(k));
+    }
+  }
+  return kept;
+}
+
 int PoseTable::NumberOfAcceptedFrames() const
 {
   int accepted = 0;
@@ -436,25 +449,10 @@ std::string PoseTable::CroppedFrame(const std::string& fromFrame) const
   return {};
 }
 
-std::string CroppedFrameWarning(const std::string& fileName, const std::string& fromFrame,
-                                const std::string& croppedFrame)
-{
-  return fileName + ": poses lead from " + fromFrame + ", but the transforms name " + croppedFrame +
-         ", too. Where the images are the cropped ones, name that coordinate frame instead";
-}
-
 int PoseTable::NumberOfMadeAxes() const
 {
   return static_cast<int>(std::count_if(frames.begin(), frames.end(),
                                         [](const FramePose& frame) { return frame.accepted && frame.hasMadeAxis; }));
-}
-
-std::string MadeAxesWarning(const std::string& fileName, const PoseTable& table)
-{
-  return fileName + ": the third column of " + std::to_string(table.NumberOfMadeAxes()) + " of " +
-         std::to_string(table.frames.size()) +
-         " poses is zero or points the other way. A picture has two axes, so the first two were read and the third was "
-         "made";
 }
 
 std::string SpacingDoubt(const SequenceFile& file, const PoseTable& table)
@@ -538,6 +536,32 @@ void ResolvePoses(const SequenceFile& file, const PoseOptions& options, PoseTabl
       ParseNumber(*timestamp, table.timestamps[i]);
     }
   }
+}
+
+std::vector<std::string> CautionsOf(const std::string& fileName, const SequenceFile& file, const PoseOptions& options,
+                                    const PoseTable& table)
+{
+  std::vector<std::string> cautions;
+  if (const std::string cropped = table.CroppedFrame(options.fromFrame); !cropped.empty())
+  {
+    cautions.push_back(fileName + ": poses lead from " + options.fromFrame + ", but the transforms name " + cropped +
+                       ", too. Where the images are the cropped ones, name that coordinate frame instead");
+  }
+  if (const int made = table.NumberOfMadeAxes(); made > 0)
+  {
+    cautions.push_back(fileName + ": the third column of " + std::to_string(made) + " of " +
+                       std::to_string(table.frames.size()) +
+                       " poses is zero or points the other way. A picture has two axes, so the first two were read and "
+                       "the third was made");
+  }
+  for (const std::string& caution : {file.timesNote, SpacingDoubt(file, table)})
+  {
+    if (!caution.empty())
+    {
+      cautions.push_back(caution);
+    }
+  }
+  return cautions;
 }
 
 }  // namespace bigus

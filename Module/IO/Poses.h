@@ -56,6 +56,9 @@ struct PoseTable
 
   int NumberOfAcceptedFrames() const;
 
+  /// Indices of the accepted frames, or of all.
+  std::vector<int> Kept(bool keepsRejected) const;
+
   /// Of the accepted frames those whose third column was made.
   int NumberOfMadeAxes() const;
 
@@ -70,13 +73,6 @@ struct PoseTable
   std::string CroppedFrame(const std::string& fromFrame) const;
 };
 
-/// The sentence that tells of a cropped frame.
-std::string CroppedFrameWarning(const std::string& fileName, const std::string& fromFrame,
-                                const std::string& croppedFrame);
-
-/// The sentence that tells of third columns that were made.
-std::string MadeAxesWarning(const std::string& fileName, const PoseTable& table);
-
 /// The sentence that tells that the header states another size of a pixel than the poses; empty where it does not.
 std::string SpacingDoubt(const SequenceFile& file, const PoseTable& table);
 
@@ -84,5 +80,9 @@ std::string SpacingDoubt(const SequenceFile& file, const PoseTable& table);
 /// the transforms there are and the coordinate frames that can be reached, and when the configuration cannot
 /// be read. A frame whose own transforms will not do is rejected, not an error.
 void ResolvePoses(const SequenceFile& file, const PoseOptions& options, PoseTable& table);
+
+/// Sentences on what is doubtful: a cropped frame, third columns that were made, times, the size of a pixel.
+std::vector<std::string> CautionsOf(const std::string& fileName, const SequenceFile& file, const PoseOptions& options,
+                                    const PoseTable& table);
 
 }  // namespace bigus

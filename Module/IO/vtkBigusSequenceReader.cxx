@@ -99,20 +99,6 @@ public:
   bool hasTimestamps = false;
   double duration = 0;
 
-  // The frames that the output holds, by their index in the file.
-  std::vector<int> OutputFrames(bool keepRejected) const
-  {
-    std::vector<int> frames;
-    for (std::size_t i = 0; i < this->poses.frames.size(); ++i)
-    {
-      if (keepRejected || this->poses.frames[i].accepted)
-      {
-        frames.push_back(static_cast<int>(i));
-      }
-    }
-    return frames;
-  }
-
   void Load(const std::string& fileName, const bigus::ImageOptions& images, const bigus::PoseOptions& options)
   {
     *this = vtkInternals();
@@ -214,24 +200,13 @@ int vtkBigusSequenceReader::RequestInformation(vtkInformation*, vtkInformationVe
     return this->Fail(error);
   }
 
-  if (!this->Internals->croppedFrame.empty())
+  for (const std::string& caution :
+       bigus::CautionsOf(this->FileName, this->Internals->file, options, this->Internals->poses))
   {
-    vtkWarningMacro(<< bigus::CroppedFrameWarning(this->FileName, options.fromFrame, this->Internals->croppedFrame));
-  }
-  if (this->GetNumberOfMadeAxes() > 0)
-  {
-    vtkWarningMacro(<< bigus::MadeAxesWarning(this->FileName, this->Internals->poses));
-  }
-  if (!this->Internals->file.timesNote.empty())
-  {
-    vtkWarningMacro(<< this->Internals->file.timesNote);
-  }
-  if (!this->Internals->spacingDoubt.empty())
-  {
-    vtkWarningMacro(<< this->Internals->spacingDoubt);
+    vtkWarningMacro(<< caution);
   }
   const bigus::SequenceFile& file = this->Internals->file;
-  const auto frames = static_cast<int>(this->Internals->OutputFrames(this->KeepRejectedFrames != 0).size());
+  const auto frames = static_cast<int>(this->Internals->poses.Kept(this->KeepRejectedFrames != 0).size());
   const int extent[6] = {0, file.width - 1, 0, file.height - 1, 0, frames - 1};
   const double ones[3] = {1, 1, 1};
   const double zeros[3] = {0, 0, 0};
@@ -265,7 +240,7 @@ int vtkBigusSequenceReader::RequestData(vtkInformation*, vtkInformationVector**,
     std::copy_n(this->FanAngles, 2, shape.angles);
     const std::vector<unsigned char> clip = bigus::ClipMask(file, shape);
 
-    const std::vector<int> frames = this->Internals->OutputFrames(this->KeepRejectedFrames != 0);
+    const std::vector<int> frames = poses.Kept(this->KeepRejectedFrames != 0);
     const auto count = static_cast<vtkIdType>(frames.size());
     const auto pixelsPerFrame = static_cast<vtkIdType>(file.width) * static_cast<vtkIdType>(file.height);
 

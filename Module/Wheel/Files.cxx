@@ -86,37 +86,13 @@ ReadFile Read(const std::string& path, const PoseOptions& options, const ImageOp
     ResolvePoses(file, options, found.poses);
     found.poses.RequireFrames(path);
     found.shape = ClipMask(file, clip);
-    for (std::size_t k = 0; k < found.poses.frames.size(); ++k)
-    {
-      if (keepsRejected || found.poses.frames[k].accepted)
-      {
-        found.frames.push_back(static_cast<int>(k));
-      }
-    }
+    found.frames = found.poses.Kept(keepsRejected);
     found.bytes = AllocatePixels<unsigned char>(static_cast<std::size_t>(file.FrameBytes()) * found.frames.size());
     ReadFrames(file, found.poses, found.frames, found.shape, std::max(0.0, pixelRange), std::ref(goOn),
                found.bytes.get(), found.read);
     return found;
   };
   return WorkAlone(nb::none(), read);
-}
-
-std::vector<std::string> WarningsOf(const std::string& path, const std::string& from, const ReadFile& found)
-{
-  const PoseTable& poses = found.poses;
-  const std::string cropped = poses.CroppedFrame(from);
-  std::vector<std::string> warnings;
-  for (const std::string& warning : {cropped.empty() ? cropped : CroppedFrameWarning(path, from, cropped),
-                                     poses.NumberOfMadeAxes() > 0 ? MadeAxesWarning(path, poses) : std::string(),
-                                     found.file.timesNote, SpacingDoubt(found.file, poses),
-                                     found.read.usedBits > 0 ? UsedBitsWarning(found.file, found.read) : std::string()})
-  {
-    if (!warning.empty())
-    {
-      warnings.push_back(warning);
-    }
-  }
-  return warnings;
 }
 
 /// The times of frames; none unless all have one.
@@ -144,7 +120,7 @@ void PutFacts(nb::dict& answer, const ReadFile& found)
       geometry.pathLength, "bounds", nb::make_tuple(b[0], b[1], b[2], b[3], b[4], b[5]));
 }
 
-/// A sequence as it is in the file, with what is known of it: see files.py.
+/// A sequence as it is in the file, with what is known of it.
 nb::dict ReadSequence(const std::string& path, const nb::kwargs& settings)
 {
   const bool requirePoses = Given<bool>(settings, "RequirePoses");
@@ -168,6 +144,11 @@ nb::dict ReadSequence(const std::string& path, const nb::kwargs& settings)
     times.push_back(found.poses.timestamps[static_cast<std::size_t>(frame)]);
     status.push_back(pose.accepted);
   }
+  std::vector<std::string> cautions = CautionsOf(path, file, options, found.poses);
+  if (found.read.usedBits > 0)
+  {
+    cautions.push_back(UsedBitsWarning(file, found.read));
+  }
   const bool isMasked = Given<bool>(settings, "AutoMask") || !found.shape.empty();
   const std::vector<unsigned char>& mask = Given<bool>(settings, "AutoMask") ? found.read.lit : found.shape;
   const auto h = static_cast<std::size_t>(file.height), w = static_cast<std::size_t>(file.width);
@@ -178,8 +159,7 @@ nb::dict ReadSequence(const std::string& path, const nb::kwargs& settings)
                          "poses", found.poses.chain.empty() ? std::nullopt : std::optional(PosesToArray(matrices)),
                          "timestamps", TimesOf(std::move(times)), "status", Owned(std::move(status)), "source_frames",
                          Owned(std::vector<std::int32_t>(found.frames.begin(), found.frames.end())), "mask",
-                         isMasked ? std::optional(Owned(mask, {h, w})) : std::nullopt, "warnings",
-                         ToTexts(WarningsOf(path, options.fromFrame, found)));
+                         isMasked ? std::optional(Owned(mask, {h, w})) : std::nullopt, "warnings", ToTexts(cautions));
   PutFacts(answer, found);
   return answer;
 }
