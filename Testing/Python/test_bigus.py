@@ -593,6 +593,7 @@ class Train(unittest.TestCase):
             values.clear()
             bigus.train(small_sweep(), progress=False, Automatic=False, Gaussians=300, Iterations=20)
             self.assertEqual(values, [])
+        bigus.train(small_sweep(), progress=True, Automatic=False, Gaussians=300, Iterations=20)  # where nobody watches there is none
 
     SETTINGS = {"Automatic": False, "Gaussians": 300, "Iterations": 600}
 

@@ -248,8 +248,9 @@ def train(sweep: Union[Sweep, Sequence[Sweep]], progress: Progress = None, start
         require(start, Field, "train", "field as start")
     keeping = (common.checkpoint_path(checkpoint, resume, checkpoint_interval), float(checkpoint_interval), bool(resume))
     bar = common.bar_for(progress)
+    tell = bar if progress is None or progress is True else progress or None
     try:
-        found, rethrow = tasks.train(sweeps, start, keeping, bool(keep_standard_error), dict(properties), bar or progress or None)
+        found, rethrow = tasks.train(sweeps, start, keeping, bool(keep_standard_error), dict(properties), tell)
         if bar and found["finished"]:
             bar(1.0, "finished")
     finally:

@@ -484,6 +484,7 @@ class Training(unittest.TestCase):
             values.clear()
             bigus.train(self.sweep, progress=False, **QUICK)
             self.assertEqual(values, [])
+        bigus.train(self.sweep, progress=True, **QUICK)  # where nobody watches there is none
 
     def test_a_stopped_training_goes_on_with_the_same_bits(self):
         settings = {"Automatic": False, "Gaussians": 300, "Iterations": 600}
