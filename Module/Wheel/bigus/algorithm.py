@@ -21,7 +21,7 @@ from . import _core
 from .documentation import CLASSES
 from .names import no_such, snake_case, vtk_case
 from .pipeline import set_properties
-from .vtkdata import texts_to_vtk, to_vtk
+from .vtkdata import add_arrays
 
 NO_ERROR, USER_ERROR = 0, 40000  # of vtkErrorCode
 
@@ -392,8 +392,7 @@ def transform_matrix(transform: Any, name: str, what: str) -> Optional[np.ndarra
 def table_of(columns: dict[str, Any]) -> vtkTable:
     """Columns of numbers (arrays) and of texts (lists)."""
     table = vtkTable()
-    for name, values in columns.items():
-        table.AddColumn(to_vtk(values, name) if isinstance(values, np.ndarray) else texts_to_vtk(values, name))
+    add_arrays(table.GetRowData(), columns)
     return table
 
 

@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import copyreg
+import operator
 from typing import TYPE_CHECKING, Optional
 
 import numpy as np
@@ -23,12 +24,7 @@ def make_sweep(pixels: np.ndarray, poses: np.ndarray, times: Optional[np.ndarray
     return (sweep_of_bytes if pixels.dtype == np.uint8 else sweep_of_floats)(pixels, poses, times, lit)
 
 
-def frames(sweep: Sweep) -> np.ndarray:
-    return sweep.frames
-
-
-def poses(sweep: Sweep) -> np.ndarray:
-    return sweep.poses
+frames, poses = operator.attrgetter("frames"), operator.attrgetter("poses")  # of a sweep
 
 
 def field(centers: ArrayLike, scales: ArrayLike, reflectivities: ArrayLike, rotations: Optional[ArrayLike] = None,

@@ -18,16 +18,17 @@ from .algorithm import Algorithm, Choice, Clamped, getters, guarded, input_ports
 from .algorithm import table_of_rows, tell_image, transform_matrix
 from .names import snake_case, vtk_case
 from .sources import rotation_of
-from .vtkdata import cells_of, field_of_polydata, ids_to_vtk, image_of_sweep, points_of, polydata_of_field, poses_of_image
-from .vtkdata import set_provenance, sweep_of_image, texts_to_vtk, to_vtk
+from .tasks import Phantom
+from .vtkdata import add_arrays, cells_of, field_of_polydata, ids_to_vtk, image_of_sweep, points_of, polydata_of_field
+from .vtkdata import poses_of_image, set_provenance, sweep_of_image, to_vtk
 
-_OPTIONS = _core.phantom_options()
-_NAMES = {vtk_case(name): name for name in _OPTIONS if name not in ("frames", "width", "height", "probe", "scene")}
+_PHANTOM = {vtk_case(name): value for name, value in _core.phantom_options().items()
+            if name not in ("frames", "width", "height", "probe", "scene")}  # fmt: skip
 
 
 @properties(
     Probe=Choice(0, ("Linear", "Convex", "Sector")), Scene=Choice(0, ("Organ", "Speckle", "Points")),
-    **settings.PHANTOM, **{name: _OPTIONS[own] for name, own in _NAMES.items()},
+    **settings.PHANTOM, **_PHANTOM,
 )  # fmt: skip
 class vtkBigusPhantomSource(Algorithm):
     """A made-up tracked sweep, with the exact image of any other plane."""
@@ -38,10 +39,8 @@ class vtkBigusPhantomSource(Algorithm):
     _outputs = ("vtkImageData",)
 
     def _phantom(self) -> Any:
-        options = {own: self._values[name] for name, own in _NAMES.items()}
-        options["frames"], (options["width"], options["height"]) = (self._values[name] for name in settings.PHANTOM)
-        options["probe"], options["scene"] = self.GetProbeAsString().lower(), self.GetSceneAsString().lower()
-        return _core.Phantom(**options)
+        names = {"Probe": self.GetProbeAsString().lower(), "Scene": self.GetSceneAsString().lower()}
+        return Phantom(**{**self._values, **names})
 
     @guarded
     def GetScatterersPerResolutionCell(self) -> float:
@@ -116,14 +115,13 @@ class vtkBigusPoseCorrection(_OfSweeps):
             every = arrays["Pose" + key.capitalize()] = np.full(len(recorded), rejected, dtype=found[key].dtype)
             every[frames] = found[key]
         data = output.GetFieldData()
-        for name, values in arrays.items():
-            data.AddArray(to_vtk(values, name))
+        add_arrays(data, arrays)
         for name, components, values in found["numbers"]:
             array = to_vtk(values, name)
             for k, component in enumerate(filter(None, components)):
                 array.SetComponentName(k, component)
             data.AddArray(array)
-        data.AddArray(texts_to_vtk([decision["choice"], decision["evidence"]], "PoseDecision"))
+        add_arrays(data, {"PoseDecision": [decision["choice"], decision["evidence"]]})
         set_provenance(data, "sweep.poses", f"{decision['choice']} ({decision['evidence']})")
         self._chosen = found["strength"]
         outputs[1].ShallowCopy(table_of_rows(found["steps"], **common.STEP_COLUMNS))

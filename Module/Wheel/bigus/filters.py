@@ -28,7 +28,8 @@ from .algorithm import matrix_of, parts, ports, properties, table_of, table_of_r
 from .functions import TrainingInterrupted, read_field, train, write
 from .names import snake_case, vtk_case
 from .settings import FIELD_OUTPUT, SEQUENCE, SEQUENCE_OUTPUT, SLICER
-from .vtkdata import field_of_polydata, image_of, polydata_of_field, poses_of_image, provenance_of, share_label_names
+from .tasks import value_text
+from .vtkdata import add_arrays, field_of_polydata, image_of, polydata_of_field, poses_of_image, provenance_of, share_label_names
 from .vtkdata import sweep_of_image, to_vtk
 
 
@@ -105,10 +106,10 @@ class vtkBigusSequenceReader(_Source):
         self._found = {}
         found = _core.read_sequence(name, **_settings(self))
         image = image_of(found["pixels"])
-        for array, values in (("ImageToReference", found["poses"]), ("Status", found["status"]), ("Timestamp", found["timestamps"]),
-                              ("SourceFrame", found["source_frames"]), ("Mask", found["mask"])):
-            if values is not None:
-                image.GetFieldData().AddArray(to_vtk(values.reshape(-1, 16) if values.ndim == 3 else values.ravel(), array))
+        poses, mask = found["poses"], found["mask"]
+        add_arrays(image.GetFieldData(), {
+            "ImageToReference": None if poses is None else poses.reshape(-1, 16), "Status": found["status"],
+            "SourceFrame": found["source_frames"], "Timestamp": found["timestamps"], "Mask": None if mask is None else mask.ravel()})
         for caution in found["warnings"]:
             self._report("WarningEvent", caution)
         self._found = found
@@ -451,22 +452,19 @@ class vtkBigusTrainer(Algorithm):
     def _set(self, name: str, value: Any) -> None:
         option = self._known[name]
         if isinstance(value, str) or value is None:
-            text = value or ""
+            self.SetOption(name, value or "")
         elif option["open"] and value < 0:
-            text = "auto"
-        elif option["type"] == "bool" and value in (0, 1):
-            text = "on" if value else "off"
+            self.SetOption(name, "auto")
         else:
-            text = _core.number_text(float(value))
-        self.SetOption(name, text)
+            self.SetOption(name, value_text(name, bool(value) if option["type"] == "bool" and value in (0, 1) else value))
 
     def _get(self, name: str) -> Any:
-        text, kind = self._options[name], self._known[name]["type"]
-        if kind == "bool":
-            return -1 if text == "auto" else int(text == "on")
+        kind, text = self._known[name]["type"], self._options[name]
         if kind == "str":
             return text
-        number = -1.0 if text == "auto" else float(text)
+        if text == "auto":
+            return -1
+        number = float(text == "on") if kind == "bool" else float(text)
         return int(number) if number.is_integer() else number
 
     def SetOption(self, name: str, value: str) -> None:

@@ -43,7 +43,7 @@ def _default(option: dict[str, str]) -> Any:
     return None if option["default"] == "auto" and option["open"] else kinds[option["type"]](option["default"])
 
 
-def _text(name: str, value: Any) -> str:
+def value_text(name: str, value: Any) -> str:
     """An option's value as Core reads it."""
     if value is None:
         return "auto"
@@ -175,7 +175,7 @@ def train(sweeps: list, start: Optional[Field], keeping: tuple[str, float, bool]
           progress: Optional[Callable]) -> tuple[dict[str, Any], Callable[[], None]]:
     """What came of it, and a function that raises what ended it, if Ctrl-C or `progress` did."""
     given = by_name(properties, [option["name"] for option in _core.options()], "training", "option")
-    texts = {name: _text(name, value) for name, value in given.items()}
+    texts = {name: value_text(name, value) for name, value in given.items()}
     found, rethrow, cautions = _core.train(_core.join(sweeps), texts, start, progress, *keeping, keeps_error)
     for caution in cautions:
         warnings.warn(caution, RuntimeWarning, stacklevel=3)

@@ -53,6 +53,13 @@ def texts_to_vtk(texts: Sequence[str], name: str) -> vtkStringArray:
     return array
 
 
+def add_arrays(data: Any, arrays: dict[str, Any]) -> None:
+    """Adds arrays of numbers, and lists of texts, by their names; None is left out."""
+    for name, values in arrays.items():
+        if values is not None:
+            data.AddArray(texts_to_vtk(values, name) if isinstance(values, list) else to_vtk(values, name))
+
+
 def provenance_of(data: Any) -> list[str]:
     """The lines key=value of field data."""
     lines = data.GetAbstractArray("Provenance")
@@ -92,12 +99,10 @@ def image_of(pixels: np.ndarray, name: str = "Intensity") -> vtkImageData:
 def image_of_sweep(sweep: Sweep) -> vtkImageData:
     """A sweep as an image stack (x, y, frame) with its poses in field data; pixels are copied."""
     image = image_of(np.array(sweep.frames))
-    data = image.GetFieldData()
-    data.AddArray(to_vtk(np.array(sweep.poses).reshape(-1, 16), "ImageToReference"))
-    if sweep.timestamps is not None:
-        data.AddArray(to_vtk(np.array(sweep.timestamps), "Timestamp"))
-    if sweep.mask is not None:
-        data.AddArray(to_vtk(np.array(sweep.mask).ravel(), "Mask"))
+    times, mask = sweep.timestamps, sweep.mask
+    add_arrays(image.GetFieldData(), {"ImageToReference": np.array(sweep.poses).reshape(-1, 16),
+                                      "Timestamp": None if times is None else np.array(times),
+                                      "Mask": None if mask is None else np.array(mask).ravel()})  # fmt: skip
     return image
 
 
@@ -165,15 +170,11 @@ def sweep_of_image(image: vtkImageData) -> tuple[Sweep, np.ndarray]:
     if scalars is None:
         raise Error(f"{owner}: the image has no active scalars, so there are no pixels.")
     if scalars.GetNumberOfComponents() != 1:
-        raise Error(
-            f"{owner}: pixels have {scalars.GetNumberOfComponents()} components; one grey value each is expected. "
-            "Convert colour to grey first."
-        )
+        raise Error(f"{owner}: pixels have {scalars.GetNumberOfComponents()} components; one grey value each is expected. "
+                    "Convert colour to grey first.")
     if scalars.GetDataType() not in (VTK_UNSIGNED_CHAR, VTK_UNSIGNED_SHORT, VTK_FLOAT):
-        raise Error(
-            f"{owner}: pixels are of type {scalars.GetDataTypeAsString()}; unsigned char, unsigned short, or float in "
-            "[0, 1] are expected. Use vtkImageShiftScale first."
-        )
+        raise Error(f"{owner}: pixels are of type {scalars.GetDataTypeAsString()}; unsigned char, unsigned short, or float in "
+                    "[0, 1] are expected. Use vtkImageShiftScale first.")
     width, height, depth = image.GetDimensions()
     data = image.GetFieldData()
     poses = _found(data, owner, "ImageToReference", 16, depth, True).reshape(-1, 4, 4).astype(np.float64)
@@ -184,9 +185,7 @@ def sweep_of_image(image: vtkImageData) -> tuple[Sweep, np.ndarray]:
     frames = vtk_to_numpy(scalars).reshape(depth, height, width)
     kept = np.arange(depth) if status is None else np.flatnonzero(status)
     if len(kept) == 0:
-        raise Error(
-            f"{owner}: all {depth} frames are marked as rejected (Status 0); no frame has a usable pose."
-        )
+        raise Error(f"{owner}: all {depth} frames are marked as rejected (Status 0); no frame has a usable pose.")
     if len(kept) < depth:
         frames, poses, times = frames[kept], poses[kept], None if times is None else times[kept]
     return sweep_of_arrays(frames, poses, times, None if mask is None else mask.reshape(height, width)), kept
@@ -204,36 +203,25 @@ def polydata_of_field(field: Field) -> vtkPolyData:
     polydata = vtkPolyData()
     polydata.SetPoints(points_of(np.array(field.centers)))
     polydata.SetVerts(cells_of(np.arange(len(field))[:, None]))
-    arrays = polydata.GetPointData()
-    arrays.AddArray(to_vtk(np.array(field.scales).reshape(-1, 3), "Scale"))
-    arrays.AddArray(to_vtk(np.array(field.rotations).reshape(-1, 4), "Rotation"))
-    arrays.SetScalars(to_vtk(np.array(field.reflectivities), "Reflectivity"))
-    data = polydata.GetFieldData()
-    data.AddArray(to_vtk(np.array([field.gamma]), "Gamma"))
-    data.AddArray(to_vtk(np.array([field.elevation_sigma]), "ElevationSigma"))
-    if field.probe_elevation_sigma > 0:
-        data.AddArray(to_vtk(np.array([field.probe_elevation_sigma]), "ProbeElevationSigma"))
-    if len(field.trained_normals):
-        data.AddArray(to_vtk(np.array(field.trained_normals), "TrainedNormals"))
-    data.AddArray(to_vtk(np.array([_core.format_version], dtype=np.int32), "FormatVersion"))
-    if field.provenance:
-        data.AddArray(texts_to_vtk(field.provenance, "Provenance"))
-    if field.kept_error:
-        data.AddArray(to_vtk(np.frombuffer(field.kept_error, np.uint8), "StandardError"))
+    arrays, data = polydata.GetPointData(), polydata.GetFieldData()
+    add_arrays(arrays, {"Scale": np.array(field.scales), "Rotation": np.array(field.rotations),
+                        "Reflectivity": np.array(field.reflectivities)})  # fmt: skip
+    arrays.SetActiveScalars("Reflectivity")
+    probe, normals, kept = field.probe_elevation_sigma, np.array(field.trained_normals), field.kept_error
+    add_arrays(data, {
+        "Gamma": np.array([field.gamma]), "ElevationSigma": np.array([field.elevation_sigma]),
+        "ProbeElevationSigma": np.array([probe]) if probe > 0 else None, "TrainedNormals": normals if len(normals) else None,
+        "FormatVersion": np.array([_core.format_version], dtype=np.int32), "Provenance": field.provenance or None,
+        "StandardError": np.frombuffer(kept, np.uint8) if kept else None})
     if field.view_arrays is not None:
         terms, *others = field.view_arrays
-        arrays.AddArray(to_vtk(terms, "ViewTerm"))
-        data.AddArray(to_vtk(np.array([_core.view_version], np.int32), "ViewVersion"))
-        for name, values in zip(VIEW_NUMBERS, others):
-            data.AddArray(to_vtk(values, name))
+        add_arrays(arrays, {"ViewTerm": terms})
+        add_arrays(data, {"ViewVersion": np.array([_core.view_version], np.int32), **dict(zip(VIEW_NUMBERS, others))})
     if field.label_arrays is not None:
         names, values, colors, weights, points = field.label_arrays
-        arrays.AddArray(to_vtk(weights[: len(field)], "LabelWeight"))
-        data.AddArray(texts_to_vtk(names, "LabelNames"))
-        data.AddArray(to_vtk(values.astype(np.int32), "LabelValues"))
-        data.AddArray(to_vtk(colors, "LabelColors"))
-        data.AddArray(to_vtk(points, "LabelPoints"))
-        data.AddArray(to_vtk(weights[len(field):], "LabelPointWeight"))
+        add_arrays(arrays, {"LabelWeight": weights[: len(field)]})
+        add_arrays(data, {"LabelNames": names, "LabelValues": values.astype(np.int32), "LabelColors": colors,
+                          "LabelPoints": points, "LabelPointWeight": weights[len(field):]})  # fmt: skip
     return polydata
 
 
