@@ -16,6 +16,7 @@
 #include "vtkIntArray.h"
 #include "vtkPointData.h"
 #include "vtkPolyData.h"
+#include "vtkSmartPointer.h"
 #include "vtkStringArray.h"
 
 namespace bigus
@@ -73,10 +74,30 @@ void RequirePictures(vtkImageData* pictures, vtkImageData* sweep)
           "Labels: there is no picture; connect the sweep and an image with one slice of labels a frame.");
   Require(scalars->GetNumberOfComponents() == 1, "Labels: the pictures have ", scalars->GetNumberOfComponents(),
           " components; they hold one whole number from 0 to 255 a pixel.");
-  const int *size = pictures->GetDimensions(), *frames = sweep->GetDimensions();
-  Require(size[0] == frames[0] && size[1] == frames[1], "Labels: the pictures have ", size[0], " x ", size[1],
-          " pixels and the sweep's frames ", frames[0], " x ", frames[1],
-          "; label pictures have the size of the frames.");
+}
+
+/// Pictures that do not begin at the first pixel of the first frame were cropped: they lie where their extent says in the
+/// pictures of all frames up to `last`, which are empty beside them.
+vtkSmartPointer<vtkImageData> Uncropped(vtkImageData* pictures, vtkImageData* sweep, int last)
+{
+  const int *own = pictures->GetExtent(), *frames = sweep->GetExtent();
+  if (pictures->GetFieldData()->GetArray(kNumbers) || (own[0] == 0 && own[2] == 0 && own[4] == 0))
+  {
+    return pictures;
+  }
+  const auto range = [own](int axis)
+  { return std::to_string(own[2 * axis]) + " to " + std::to_string(own[2 * axis + 1]); };
+  Require(own[0] >= 0 && own[1] <= frames[1] && own[2] >= 0 && own[3] <= frames[3] && own[4] >= 0 && own[5] <= last,
+          "Labels: the pictures were cropped to columns ", range(0), ", rows ", range(1), " and frames ", range(2),
+          ", and the sweep has columns up to ", frames[1], ", rows up to ", frames[3], " and frames up to ", last,
+          "; give labels that were drawn on this sweep.");
+  auto whole = vtkSmartPointer<vtkImageData>::New();
+  whole->SetExtent(0, frames[1], 0, frames[3], 0, last);
+  whole->AllocateScalars(pictures->GetScalarType(), 1);
+  whole->GetPointData()->GetScalars()->Fill(0);
+  whole->CopyAndCastFrom(pictures, pictures->GetExtent());
+  whole->GetFieldData()->ShallowCopy(pictures->GetFieldData());
+  return whole;
 }
 
 }  // namespace
@@ -175,10 +196,18 @@ void LabelsToPolyData(const FieldLabels& labels, vtkPolyData* polyData)
   ReplaceLabelNames(polyData, labels.labels);
 }
 
-LabelFrames LabelFramesFromImage(vtkImageData* pictures, vtkImageData* sweep, const std::vector<int>& frames)
+LabelFrames LabelFramesFromImage(vtkImageData* drawn, vtkImageData* sweep, const std::vector<int>& frames)
 {
-  RequirePictures(pictures, sweep);
-  const std::vector<int> theirs = SourceFrames(sweep), own = NumbersOfPictures(pictures, theirs);
+  RequirePictures(drawn, sweep);
+  const std::vector<int> theirs = SourceFrames(sweep);
+  const vtkSmartPointer<vtkImageData> pictures =
+      Uncropped(drawn, sweep, *std::max_element(theirs.begin(), theirs.end()));
+  const int *size = pictures->GetDimensions(), *sides = sweep->GetDimensions();
+  Require(size[0] == sides[0] && size[1] == sides[1], "Labels: the pictures have ", size[0], " x ", size[1],
+          " pixels and the sweep's frames ", sides[0], " x ", sides[1],
+          "; label pictures have the size of the frames, or say where they were cropped from "
+          "(Segmentation_ReferenceImageExtentOffset).");
+  const std::vector<int> own = NumbersOfPictures(pictures, theirs);
   const vtkIdType n = static_cast<vtkIdType>(sweep->GetDimensions()[0]) * sweep->GetDimensions()[1];
   vtkDataArray* const scalars = pictures->GetPointData()->GetScalars();
   LabelFrames given;

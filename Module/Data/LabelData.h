@@ -37,10 +37,12 @@ VTKBIGUSDATA_EXPORT void LabelsToPolyData(const FieldLabels& labels, vtkPolyData
 
 /// Label pictures for the frames of a sweep, an image [depth][height][width] of whole numbers from 0 to 255. Slice k is of
 /// the sweep's frame that has the same `SourceFrame`. Where pictures have no such array, there is one for each frame of the
-/// sweep, or for each of its file, counted from 0. As many as frames, of which none has the number of the first frame, are taken in
-/// order. Pictures of frames that the sweep does not have are passed over. Values without a name get one. `frames`: those of
-/// the image `sweep` that count (ImportedSweep), as the result counts them. Throws Error naming what does not fit.
-VTKBIGUSDATA_EXPORT LabelFrames LabelFramesFromImage(vtkImageData* pictures, vtkImageData* sweep,
+/// sweep, or for each of its file, counted from 0. As many as frames, of which none has the number of the first frame, are
+/// taken in order. Those that do not begin at the first pixel of the first frame were cropped: they lie where their extent
+/// says, and beside them is nothing. Pictures of frames that the sweep does not have are passed over. Values without a name
+/// get one. `frames`: those of the image `sweep` that count (ImportedSweep), as the result counts them. Throws Error naming
+/// what does not fit.
+VTKBIGUSDATA_EXPORT LabelFrames LabelFramesFromImage(vtkImageData* drawn, vtkImageData* sweep,
                                                      const std::vector<int>& frames);
 
 }  // namespace bigus

@@ -123,11 +123,6 @@ std::vector<unsigned char> ReadElements(const SequenceFile& file)
                 ": pixels are of type float; labels are whole numbers from 0 (none) to 255");
   RequireFormat(file.layers == 1 || !file.flipColumns, file.fileName,
                 ": has layers of pictures that are not in marked-far order; save them as volumes");
-  for (const std::string_view first : Words(Field(file, "Segmentation_ReferenceImageExtentOffset")))
-  {
-    RequireFormat(first == "0", file.fileName, ": is cropped (Segmentation_ReferenceImageExtentOffset ", Quoted(first),
-                  "); save it without 'Crop to minimum extent'");
-  }
   const auto count = static_cast<std::size_t>(file.numberOfFrames);
   std::vector<unsigned char> bytes(count * file.FrameBytes());
   PoseTable poses;
@@ -139,6 +134,25 @@ std::vector<unsigned char> ReadElements(const SequenceFile& file)
   ReadFrames(
       file, poses, all, {}, range, [](double) { return true; }, bytes.data(), read);
   return bytes;
+}
+
+/// A segmentation may be stored without its empty border; then it says where its first voxel lies in the whole one.
+std::array<int, 3> FirstVoxelOf(const SequenceFile& file)
+{
+  const std::string name = "Segmentation_ReferenceImageExtentOffset", text = Field(file, name);
+  std::array<int, 3> first{};
+  const std::vector<std::string_view> words = Words(text);
+  for (std::size_t k = 0; file.fields.count(name) > 0 && k < first.size(); ++k)
+  {
+    std::int64_t number = 0;
+    RequireFormat(words.size() == 3 && ParseNumber(words[k], number) && number >= 0 && number <= mostFrames,
+                  file.fileName, ": ", name, ": ", Quoted(text), " is not three whole numbers from 0 to ", mostFrames);
+    first[k] = static_cast<int>(number);
+  }
+  RequireFormat(first == std::array<int, 3>{} || (!file.flipColumns && !file.flipRows), file.fileName, ": ", name,
+                " is not read of pictures in the orientation ", Quoted(file.orientation),
+                "; save them in marked-far order (MF)");
+  return first;
 }
 
 /// The last number in the name of each image; empty where a name has none.
@@ -167,7 +181,9 @@ void ReadLabels(const std::string& path, vtkImageData* output)
   const std::vector<unsigned char> bytes = ReadElements(file);
   std::vector<LabelOfValue> of;
   const std::vector<Label> labels = SegmentsOf(file, of);
-  output->SetDimensions(file.width / file.layers, file.height, file.numberOfFrames);
+  const auto [column, row, picture] = FirstVoxelOf(file);
+  output->SetExtent(column, column + file.width / file.layers - 1, row, row + file.height - 1, picture,
+                    picture + file.numberOfFrames - 1);
   output->AllocateScalars(VTK_UNSIGNED_CHAR, 1);
   Flatten(file, of, bytes, static_cast<unsigned char*>(output->GetScalarPointer()));
   if (const std::vector<int> numbers = NumbersIn(file.images); isFolder && !numbers.empty())

@@ -2036,10 +2036,39 @@ class Label(CommandTest):
         self.assertEqual(self.expect(SUCCESS, "label", self.big, some, self.trained, "-o", self.folder / "l.vtp",
                                      "--keep-empty")["fitted_frames"], 25)
 
+    def segmentation(self, name, first, end, offset):
+        """The cyst in columns, rows and frames from `first` to before `end`, as 3D Slicer saves a segmentation."""
+        pixels = bytes(2 * (value == 2) for value in read_sequence(self.drawn)[1])
+        part = b"".join(pixels[64 * (64 * k + j) + first[0]:64 * (64 * k + j) + end[0]]
+                        for k in range(first[2], end[2]) for j in range(first[1], end[1]))
+        path = self.folder / name
+        path.write_bytes(("NRRD0004\ntype: unsigned char\ndimension: 3\nkinds: domain domain domain\nencoding: raw\n"
+                          f"sizes: {' '.join(str(b - a) for a, b in zip(first, end))}\n{offset}"
+                          "Segment0_LabelValue:=2\nSegment0_Name:=cyst\n\n").encode() + part)
+        return path
+
+    def test_a_cropped_segmentation_labels_as_the_whole_one(self):
+        key = "Segmentation_ReferenceImageExtentOffset:="
+        cyst = [p for p, value in enumerate(read_sequence(self.drawn)[1]) if value == 2]
+        axes = [[p % 64 for p in cyst], [p // 64 % 64 for p in cyst], [p // 4096 for p in cyst]]
+        first, end = [min(axis) for axis in axes], [max(axis) + 1 for axis in axes]
+        self.assertGreater(min(first), 0)
+        whole = self.segmentation("w.seg.nrrd", (0, 0, 0), (64, 64, 25), key + "0 0 0\n")
+        part = self.segmentation("p.seg.nrrd", first, end, key + " ".join(map(str, first)) + "\n")
+        fields = []
+        for labels in (whole, part):
+            fields.append(self.folder / (labels.stem + ".vtp"))
+            self.expect(SUCCESS, "label", self.big, labels, self.trained, "-o", fields[-1])
+        self.assertEqual(fields[0].read_bytes(), fields[1].read_bytes())
+        out = self.folder / "l.vtp"
+        for offset, says in (("", "Segmentation_ReferenceImageExtentOffset"), (key + "40 0 0\n", "columns 40 to"),
+                             (key + "0 0 20\n", "frames 20 to 28")):
+            bad = self.segmentation("bad.seg.nrrd", (0, 0, 0), (30, 30, 9), offset)
+            self.expect(BAD_INPUT, "label", self.big, bad, self.trained, "-o", out, says=says)
+        self.assertFalse(out.exists())
+
     def test_errors(self):
-        out, few = self.folder / "l.vtp", self.folder / "few.seg.nrrd"
-        few.write_bytes(b"NRRD0004\ntype: unsigned char\ndimension: 3\nkinds: domain domain domain\nencoding: raw\n"
-                        b"sizes: 64 64 9\n\n" + read_sequence(self.drawn)[1][:64 * 64 * 9])
+        out, few = self.folder / "l.vtp", self.segmentation("few.seg.nrrd", (0, 0, 0), (64, 64, 9), "")
         self.expect(BAD_INPUT, "label", self.big, few, self.trained, "-o", out, says="--frames")
         self.expect(BAD_INPUT, "label", self.big, few, self.trained, "-o", out, "--frames", "0-3", says="9 pictures")
         self.expect(BAD_INPUT, "label", self.big, self.sweep, self.trained, "-o", out, says="48 x 40")

@@ -97,13 +97,21 @@ TEST(LabelFile, ASegmentationOfSlicerNamesItsSegments)
   EXPECT_EQ(read.SourceFrame(), nullptr);
 }
 
-TEST(LabelFile, WhatWasCroppedIsToldHowToBeSaved)
+TEST(LabelFile, WhatWasCroppedSaysFromWhere)
 {
   TemporaryFolder folder;
-  for (const std::string offset : {"10 4 8", "0 0 -1", "0 0 1.5", "a b c"})
+  WriteBytes(folder / "cut.seg.nrrd", Segmentation("10 4 8"));
+  const Pictures read(folder / "cut.seg.nrrd");
+  const int* const extent = read.image->GetExtent();
+  EXPECT_EQ(std::vector<int>(extent, extent + 6), (std::vector<int>{10, 12, 4, 5, 8, 9}));
+  EXPECT_EQ(read.image->GetScalarComponentAsDouble(12, 5, 8, 0), 2);
+  EXPECT_EQ(read.SourceFrame(), nullptr);
+  for (const std::string wrong : {"0 0 -1", "0 0 9223372036854775807", "1 2", "0 0 0 0", "0 0 1.5", "a b c", ""})
   {
-    WriteBytes(folder / "cut.seg.nrrd", Segmentation(offset));
-    EXPECT_NE(ErrorOf(folder / "cut.seg.nrrd").find("without 'Crop to minimum extent'"), std::string::npos) << offset;
+    WriteBytes(folder / "wrong.seg.nrrd", Segmentation(wrong));
+    EXPECT_NE(ErrorOf(folder / "wrong.seg.nrrd").find("ReferenceImageExtentOffset: \"" + wrong + "\""),
+              std::string::npos)
+        << wrong << ": " << ErrorOf(folder / "wrong.seg.nrrd");
   }
 }
 
