@@ -358,8 +358,7 @@ void BindSlices(nb::module_& m)
         "field"_a);
   m.def("index_to_world", &PlaceOfIndices, "axes"_a, transform, "spacing"_a, "origin"_a);
   m.def("grid_distances", &DistancesOfGrid, "sweep"_a, place, extent);
-  m.def("label", &Labelled, "field"_a, "sweep"_a, "pictures"_a, "frames"_a, "names"_a, "keep_empty"_a,
-        "engine"_a);
+  m.def("label", &Labelled, "field"_a, "sweep"_a, "pictures"_a, "frames"_a, "names"_a, "keep_empty"_a, "engine"_a);
   nb::class_<LabelSlicer>(m, "LabelRenderer")
       .def(nb::init<const Field&, const std::string&, double>(), "field"_a, "engine"_a, "elevation_sigma"_a = -1.0)
       .def("render", &LabelSlicer::Render, "plane"_a, "width"_a, "height"_a)
