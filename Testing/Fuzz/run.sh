@@ -35,7 +35,7 @@ run_target() {
   local target=$1
   mkdir -p "$folder/corpus/$target" "$folder/findings/$target" "$folder/log"
   UBSAN_OPTIONS=print_stacktrace=1 \
-    "$folder/fuzz/fuzz-$target" "${limit[@]}" -max_len=65536 -timeout=10 -rss_limit_mb=2048 -detect_leaks=0 -entropic=0 \
+    "$folder/fuzz/fuzz-$target" "${limit[@]}" -max_len=65536 -timeout=60 -rss_limit_mb=2048 -detect_leaks=0 -entropic=0 \
     -dict="$folder/fuzz/fuzz-$target.dict" -artifact_prefix="$folder/findings/$target/" -print_final_stats=1 \
     "$folder/corpus/$target" "$folder/seeds/$target" >"$folder/log/$target.txt" 2>&1 || touch "$folder/log/$target.failed"
 }

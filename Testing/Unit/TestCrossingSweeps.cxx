@@ -8,6 +8,7 @@
 #include <algorithm>
 #include <map>
 #include <memory>
+#include <string>
 #include <vector>
 
 #include "Core/Engine/ViewEngine.h"
@@ -148,6 +149,26 @@ TEST(CrossingSweeps, HeldOutFramesGainByTrainingEachByItself)
   const bigus::TrainingResult again = bigus::Train(Crossing(90), with.result.settled);
   EXPECT_TRUE(bigus::test::SameField(with.result.field, again.field));
   EXPECT_EQ(with.result.view->terms, again.view->terms);
+}
+
+/// Nothing is kept of sweeps that are trained by themselves, so they are trained again.
+TEST(CrossingSweeps, GoOnFromACheckpointWithTheSameBits)
+{
+  const std::shared_ptr<const Sweep> sweep = Crossing(90);
+  std::string kept;
+  bigus::Checkpoints checkpoints;
+  checkpoints.interval = 0;
+  checkpoints.save = [&kept](const std::string& state) { kept = state; };
+  int told = 0;
+  const auto whole = bigus::Train(sweep, Options(true), nullptr, [&told](const auto&) { return ++told > 0; });
+  int left = told * 3 / 4;
+  const auto stopped = bigus::Train(
+      sweep, Options(true), nullptr, [&left](const auto&) { return --left > 0; }, checkpoints);
+  ASSERT_TRUE(stopped.aborted);
+  ASSERT_FALSE(kept.empty());
+  const auto resumed = bigus::Train(sweep, Options(true), nullptr, {}, {60, {}, kept});
+  EXPECT_TRUE(bigus::test::SameField(whole.field, resumed.field));
+  EXPECT_EQ(whole.view->terms, resumed.view->terms);
 }
 
 /// One that shows nothing teaches nothing, and the other is learned.

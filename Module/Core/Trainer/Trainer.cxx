@@ -492,7 +492,7 @@ bool Training::TrainSequencesApart()
     return false;
   }
   TrainingPlan plan = plan_;
-  plan.elevationSigma = asked_.elevationSigma.value_or(0);
+  plan.elevationSigma = options_.elevationSigma.value_or(0);  // asked_ has what was decided for all together
   const Stopwatch watch;
   std::optional<TrainedApart> trained = TrainApart(sweep_, result_.trainingFrames, result_.validationFrames, plan,
                                                    [this](const TrainingProgress& now) { return budget_.Tell(now); });
