@@ -6,8 +6,9 @@
  *
  * Input 0 is a field, input 1 the sweep at the poses that the field was trained at, as vtkBigusTrainer takes it, and input 2
  * label pictures: an image of whole numbers from 0 (no label) to 255, one slice for each frame, or for those that the field
- * data `SourceFrame` of both images say. Where most pictures between the first and the last that has a label have none,
- * these are taken for frames that nobody drew on (KeepEmptyPictures).
+ * data `SourceFrame` of both images say. Without it, an image whose extent begins elsewhere than at 0 was cropped: it lies
+ * where its extent says in the pictures of the sweep's file, and nothing is labelled outside. Where most pictures between
+ * the first and the last that has a label have none, these are taken for frames that nobody drew on (KeepEmptyPictures).
  * `LabelNames`, `LabelValues` and `LabelColors` in the field data of input 2 name labels (Data/LabelData.h); others are
  * called "Label 3".
  *

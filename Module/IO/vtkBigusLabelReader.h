@@ -9,7 +9,8 @@
  * The output is a stack of unsigned char, values 0 (no label) to 255. Its field data have, of a segmentation, `LabelNames`,
  * `LabelValues` and `LabelColors` (Data/LabelData.h), and, of PNG images whose names all have a number, `SourceFrame`, int: the
  * last number in each name, which says what frame it is of, counted from 0. Pixels are in marked-far order, as those of
- * vtkBigusSequenceReader are. Options of transforms mean nothing here. Segmentations that are cropped are refused.
+ * vtkBigusSequenceReader are. Options of transforms mean nothing here. The extent of a cropped segmentation begins where its
+ * file says that its first voxel lies in the whole one.
  *
  * @sa vtkBigusFieldLabeler
  */
