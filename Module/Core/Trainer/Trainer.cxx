@@ -186,6 +186,14 @@ NamedTexts AgreedIdentity(const Sweep& sweep, const TrainerOptions& options, con
   return identity;
 }
 
+/// What is known of directions; none where nobody asks. Clang 14 wants its defaults outside Training.
+struct Directions
+{
+  bool areWorth = false;
+  std::string evidence = "given";
+  double seconds = 0;
+};
+
 /// What Train does, step by step, and what the steps hand on.
 class Training
 {
@@ -234,13 +242,6 @@ private:
   TrainingPlan plan_;
   std::unique_ptr<TrainingLoop> loop_;
   Fitted fitted_;
-  /// What is known of directions; none where nobody asks.
-  struct Directions
-  {
-    bool areWorth = false;
-    std::string evidence = "given";
-    double seconds = 0;
-  };
   std::optional<Directions> directions_;
   TrainingResult result_;
 };
