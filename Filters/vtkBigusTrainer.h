@@ -140,7 +140,7 @@ public:
   vtkBigusNumberOptionMacro(Price, double);
   /**
    * Thickness out of plane, standard deviation, of the planes trained on; 0 is a thin plane. Values: 0 to 1000 mm.
-   * Default: auto, 0, or the probe's where sweeps cross; the field's own when continuing.
+   * Default: auto, 0, or the probe's where sweeps cross and are trained as one; the field's own when continuing.
    */
   vtkBigusNumberOptionMacro(ElevationSigma, double);
   /**

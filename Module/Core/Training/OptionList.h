@@ -54,10 +54,11 @@ void ForEachOption(Options& options, const Visit& visit)
           "What twice the Gaussians must gain at a plane at random to be chosen, PSNR; less: more Gaussians, time and bytes",
           0, 100, "dB"},
       options.price);
-  visit(OptionInfo{"ElevationSigma", field,
-                   "Thickness out of plane, standard deviation, of the planes trained on; 0 is a thin plane", 0, 1000,
-                   "mm", "0, or the probe's where sweeps cross; the field's own when continuing"},
-        options.elevationSigma);
+  visit(
+      OptionInfo{"ElevationSigma", field,
+                 "Thickness out of plane, standard deviation, of the planes trained on; 0 is a thin plane", 0, 1000,
+                 "mm", "0, or the probe's where sweeps cross and are trained as one; the field's own when continuing"},
+      options.elevationSigma);
   visit(
       OptionInfo{"ProbeElevationSigma", field,
                  "Thickness of the probe's beam out of plane, standard deviation, which planes across the sweep show; "
