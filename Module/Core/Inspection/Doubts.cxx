@@ -31,7 +31,9 @@ constexpr double kUnlike = 0.75;    // of the usual correlation of neighbours, a
 constexpr double kBetter = 0.25;    // ... by so much of it they are alike again
 constexpr double kUsable = 0.3;     // correlation; else neighbours have too little in common
 constexpr double kLikeAgain = 0.6;  // of the usual correlation, at the best scale
-constexpr int kSides[] = {1, 0};    // of OpenCV's flip
+constexpr double kChance = 5;  // standard deviations of unrelated pictures' correlation, of which the best is asked for
+constexpr double kGrain = 12.6;   // blocks with one value of their own: 2 pi s^2, s^2 = 1 of Detail and 1 of speckle
+constexpr int kSides[] = {1, 0};  // of OpenCV's flip
 constexpr double kLeastScale = 1.06, kMostScale = 2, kScaleStep = 1.03;
 
 /// Median difference of what both frames show, grey levels; 0 where that is too little.
@@ -93,6 +95,13 @@ double Correlation(const cv::Mat& a, const cv::Mat& b)
   return sizes > 0 ? a.dot(b) / sizes : 0;
 }
 
+/// The same; 0 where the best of many unrelated pictures may reach it.
+double SureCorrelation(const cv::Mat& a, const cv::Mat& b)
+{
+  const double correlation = Correlation(a, b);
+  return correlation * correlation * a.total() > kChance * kChance * kGrain ? correlation : 0;
+}
+
 /// How alike `to` is to `from` made larger about a row of its middle column, where both show something.
 double AlikeAt(const cv::Mat& from, const cv::Mat& to, double scale, double row)
 {
@@ -104,7 +113,7 @@ double AlikeAt(const cv::Mat& from, const cv::Mat& to, double scale, double row)
   const double bottom = std::min(from.rows - 1.0, row + scale * (from.rows - 1 - row));
   const cv::Rect both(cv::Point(static_cast<int>(std::ceil(left)), static_cast<int>(std::ceil(top))),
                       cv::Point(from.cols - static_cast<int>(std::ceil(left)), static_cast<int>(bottom) + 1));
-  return Correlation(Detail(scaled(both)), Detail(to(both)));
+  return SureCorrelation(Detail(scaled(both)), Detail(to(both)));
 }
 
 /// The factor by which `to` is larger than `from` about the middle of the probe or of the picture, if that makes them alike.
@@ -134,7 +143,7 @@ bool IsMirrored(const cv::Mat& from, const cv::Mat& to, double enough)
                      {
                        cv::Mat mirrored;
                        cv::flip(from, mirrored, side);
-                       return Correlation(mirrored, to) > enough;
+                       return SureCorrelation(mirrored, to) > enough;
                      });
 }
 

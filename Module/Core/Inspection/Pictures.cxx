@@ -22,6 +22,8 @@ namespace
 constexpr int kSmallSide = 48;
 
 constexpr float kLevels = 255;
+// Pixels: of 256 the roughness wavers by a tenth, so that speckle's 1.2 is not noise's 2; of 64 by a fifth.
+constexpr std::size_t kFewestOfRoughness = 256;
 constexpr float kLit = 4;  // grey levels of a small picture: less is black that was compressed
 
 constexpr std::size_t kLookedAt = 24;  // frames
@@ -72,8 +74,13 @@ double ChangeBetween(const Sweep& sweep, int from, int to)
   return kLevels * ChangeBetween<float, double>(pixels + one, pixels + other, rows, columns);
 }
 
+/// 0 of fewer than kFewestOfRoughness pixels.
 double Roughness(const cv::Mat& image)
 {
+  if (image.total() < kFewestOfRoughness)
+  {
+    return 0;
+  }
   const double spread = MeanSquareOf(WithoutMean(image, 9));
   return spread > 0 && image.cols > 1
              ? MeanSquareOf(image.colRange(1, image.cols) - image.colRange(0, image.cols - 1)) / spread
