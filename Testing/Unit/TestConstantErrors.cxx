@@ -311,6 +311,15 @@ TEST(ConstantErrors, WithoutTimesThereIsNoDelay)
   EXPECT_NEAR(found.rotation[2].value, -2, 0.3);
 }
 
+// Places between pixels say no more than these, however many are looked at.
+TEST(ConstantErrors, FewerPixelsThanPlacesTellNothing)
+{
+  const Sweep sweep = Make({0, 90}, 1, {});
+  const Sweep tiny = sweep.Reduced(12).Subset({22, 23, 24, 70, 71, 72});
+  EXPECT_EQ(EstimateConstantErrors(tiny, AllFrames(tiny)).comparisons, 0);
+  EXPECT_GT(EstimateConstantErrors(sweep.Reduced(3), AllFrames(sweep)).comparisons, 0);
+}
+
 TEST(ConstantErrors, RefusesFramesThatAreNotThere)
 {
   const Sweep sweep = Make({0}, 1, {});

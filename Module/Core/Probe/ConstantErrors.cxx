@@ -262,7 +262,9 @@ public:
     {
       normals.row(b) << poses[b].normal.transpose().array(), poses[b].offset;
     }
-    const int tries = static_cast<int>(std::min<double>(kTries, kLooks / Count()));
+    // No more places than pixels, which say nothing new.
+    const double pixels = static_cast<double>(Count()) * Recorded(0).NumberOfPixels();
+    const int tries = static_cast<int>(std::min({static_cast<double>(kTries), kLooks / Count(), pixels}));
     const int step = (Count() + tries - 1) / tries;
     std::vector<std::vector<Overlap>> found((Count() + step - 1) / step);
     tbb::parallel_for(0, static_cast<int>(found.size()),
