@@ -197,11 +197,6 @@ public:
   vtkBigusNumberOptionMacro(Iterations, int);
   /** Time for all of it, decisions included; 0 sets no limit. Values: 0 to 1000000000 s. Default: 0. */
   vtkBigusNumberOptionMacro(TimeLimit, double);
-  /**
-   * After the first passes, steps by all frames at once that know curvature (L-BFGS), in place of Adam's. Values: on, off.
-   * Default: off.
-   */
-  vtkBigusSwitchOptionMacro(SecondOrder);
   /** Seed of everything random: same seed, same field. Values: 0 to 9007199254740992. Default: 1. */
   vtkBigusNumberOptionMacro(Seed, vtkTypeInt64);
   /** Frames in one step. Values: 1 to 4096. Default: 8. */

@@ -225,7 +225,6 @@ inline std::optional<std::string> TrySweep(const std::string& bytes)
     options.virtualPlanes = 0;
   }
   options.iterations = 2;
-  options.secondOrder = numbers.Below(2) == 1;
   options.holdOut = numbers.Below(2) == 1 ? 3 : 0;
   const SlicePlane plane = PlaneOf(numbers);
   const bool isCorrected = numbers.Rarely(64);

@@ -191,14 +191,6 @@ TEST(Checkpoints, CorrectedFramesGoOn)
   ExpectStopsDoNotMatter(options, {{5}, {12}, {25}});
 }
 
-TEST(Checkpoints, StepsOfSecondOrderGoOn)
-{
-  TrainerOptions options = Small();
-  options.iterations = 120;
-  options.secondOrder = true;
-  ExpectStopsDoNotMatter(options, {{50}, {80}, {110}});
-}
-
 TEST(Checkpoints, ReducedAndInterleavedFramesGoOn)
 {
   TrainerOptions options = Small();

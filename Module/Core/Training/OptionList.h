@@ -107,11 +107,6 @@ void ForEachOption(Options& options, const Visit& visit)
         options.iterations);
   visit(OptionInfo{"TimeLimit", course, "Time for all of it, decisions included; 0 sets no limit", 0, 1e9, "s"},
         options.timeLimit);
-  visit(
-      OptionInfo{
-          "SecondOrder", course,
-          "After the first passes, steps by all frames at once that know curvature (L-BFGS), in place of Adam's"},
-      options.secondOrder);
   visit(OptionInfo{"Seed", course, "Seed of everything random: same seed, same field", 0, kLargestSeed}, options.seed);
   visit(OptionInfo{"Batch", course, "Frames in one step", 1, 4096}, options.batch);
   visit(OptionInfo{"Preset", course,

@@ -35,7 +35,6 @@ struct TrainingSettings
   /// A gain and an offset for every frame to train on, removed from it: images of one place that differ in brightness
   /// otherwise contradict each other.
   bool frameGains = false;
-  bool secondOrder = false;        ///< steps that know curvature, by all frames at once, after the first passes
   int patience = 10;               ///< evaluations without a better validation PSNR before stopping, >= 1
   double timeLimit = 0;            ///< seconds, all included, 0 = none; the rate schedule is fitted to it
   int batch = 8;                   ///< frames a step, 1 to 4096

@@ -21,10 +21,6 @@ constexpr double kSeedingShare = 0.1;
 /// Seconds told as left at the end, because 0 says that it is not known.
 constexpr double kNoTime = 1e-3;
 
-/// Passes of Adam before steps of second order, which begin well only near a good field: from 4 to 33 passes on both end
-/// alike on volumes.
-constexpr double kAdamPasses = 15;
-
 }  // namespace
 
 /// A run's batches, and since when it is timed.
@@ -60,7 +56,7 @@ Fitted TrainingLoop::Run(const std::vector<int>& validationFrames, Until until)
     }
     CorrectFrames(fraction);
     const int before = course_.iteration;
-    const Moment now = IsCurved() ? TakeCurvedStep(fraction) : TakeStep(lap, fraction);
+    const Moment now = TakeStep(lap, fraction);
     isFinished = course_.iteration == plan_.iterations || (course_.endsAt > 0 && course_.iteration >= course_.endsAt);
     if (course_.iteration / LogInterval(plan_) > before / LogInterval(plan_) || isFinished)
     {
@@ -91,7 +87,6 @@ bool TrainingLoop::EnterSecondStage(Lap& lap)
     return false;
   }
   course_.isFirstStage = false;
-  curved_.reset();
   course_.firstStage = course_.iteration;
   course_.second = *second;
   lap.batches = Batches(targets_.Frames(), plan_.batch, plan_.seed);
@@ -108,7 +103,6 @@ void TrainingLoop::CorrectFrames(double fraction)
     ++course_.corrections;
     course_.corrected = FindCorrections(*engine_, *sweep_, frames_);
     targets_.Correct(course_.corrected);
-    curved_.reset();
   }
 }
 
@@ -141,41 +135,6 @@ Moment TrainingLoop::TakeStep(Lap& lap, double fraction)
   line.loss = course_.lossSum / course_.lossCount;
   line.gaussians = engine_->FieldSize();
   line.rate = rate;
-  return now;
-}
-
-/// Of several processes none has the whole field, so Adam trains it.
-bool TrainingLoop::IsCurved() const
-{
-  return plan_.secondOrder && exchange_.IsAlone() && course_.passes >= kAdamPasses;
-}
-
-void TrainingLoop::StartCurved()
-{
-  curved_.emplace(*engine_, targets_.Images(), targets_.Frames(), targets_.Limits());
-}
-
-/// By all frames at once; counts as the steps of so many passes.
-Moment TrainingLoop::TakeCurvedStep(double fraction)
-{
-  const std::size_t frames = targets_.Frames().size();
-  if (!curved_)
-  {
-    StartCurved();
-  }
-  const int before = curved_->Passes();
-  course_.lossSum += curved_->Step(LossAt(plan_, fraction));
-  ++course_.lossCount;
-  const int passes = std::max(1, curved_->Passes() - before);  // none is made where nothing is left to gain
-  course_.passes += passes;
-  const Moment now = Now(fraction);
-  const int steps = passes * static_cast<int>((frames + plan_.batch - 1) / plan_.batch);
-  course_.iteration = std::min(course_.iteration + steps, plan_.iterations);
-  TrainingRecord& line = report_.Now().record;
-  line.iteration = course_.iteration;
-  line.loss = course_.lossSum / course_.lossCount;
-  line.gaussians = engine_->FieldSize();
-  line.rate = 0;
   return now;
 }
 

@@ -15,7 +15,6 @@
 #include "Core/Model/GaussianField.h"
 #include "Core/Model/Sweep.h"
 #include "Core/Training/Course.h"
-#include "Core/Training/QuasiNewton.h"
 #include "Core/Training/Report.h"
 #include "Core/Training/Schedule.h"
 #include "Core/Training/Targets.h"
@@ -111,9 +110,6 @@ private:
   bool EnterSecondStage(Lap& lap);
   void CorrectFrames(double fraction);
   Moment TakeStep(Lap& lap, double fraction);
-  bool IsCurved() const;
-  void StartCurved();
-  Moment TakeCurvedStep(double fraction);
   double Step(const std::vector<int>& batch, double stepsInAll, const Loss& loss, const LearningRates& rates);
   void AddLogLine(const std::vector<int>& validationFrames, const Moment& now);
   void Tell(const Lap& lap, double fraction);
@@ -130,8 +126,7 @@ private:
   std::unique_ptr<Engine> engine_;
   Targets targets_;
   Course course_;
-  std::optional<QuasiNewton> curved_;  // since Adam handed over
-  double secondsOfSecondStage_ = 0;    // at the first stage's pace
+  double secondsOfSecondStage_ = 0;  // at the first stage's pace
 };
 
 }  // namespace bigus

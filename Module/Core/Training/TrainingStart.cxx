@@ -70,7 +70,6 @@ GaussianField TrainingLoop::Load(Start start)
 void TrainingLoop::Begin(Start start)
 {
   course_ = Course();
-  curved_.reset();
   {
     const GaussianField field = Load(std::move(start));
     course_.rates = FirstRates(plan_, field);
@@ -103,9 +102,6 @@ void TrainingLoop::Resume(std::string_view state)
   StateReader from(LoadPart(state, exchange_));
   course_ = LoadCourse(Bounds(), from);
   engine_->LoadState(from);
-  const bool isCurved = from.Flag();
-  StateReader::Require(!isCurved || IsCurved(), "steps of second order in a training without");
-  const std::string_view curved = isCurved ? from.Text() : std::string_view();
   from.End();
   StateReader::Require(engine_->FieldSize() > 0, "a field of no Gaussian");
   StateReader::Require(course_.average.count == 0 || course_.average.mean.Size() == engine_->GetPart().field.Size(),
@@ -123,13 +119,6 @@ void TrainingLoop::Resume(std::string_view state)
     targets_.Correct(course_.corrected);
     targets_.Images().Validate();
   }
-  if (isCurved)
-  {
-    StartCurved();
-    StateReader steps(curved);
-    curved_->Load(steps);
-    steps.End();
-  }
 }
 
 void TrainingLoop::Save(StateWriter& to) const
@@ -137,13 +126,6 @@ void TrainingLoop::Save(StateWriter& to) const
   StateWriter own;
   SaveCourse(course_, Bounds(), own);
   engine_->SaveState(own);
-  own.Flag(curved_.has_value());
-  if (curved_)
-  {
-    StateWriter steps;
-    curved_->Save(steps);
-    own.Text(steps.Take());
-  }
   SaveParts(own.Take(), exchange_, to);
 }
 

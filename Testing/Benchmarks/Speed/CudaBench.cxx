@@ -39,7 +39,6 @@ struct Options
   std::vector<double> seconds;
   int holdOut = 0;
   double elevationSigma = 0;
-  bool secondOrder = false;
   std::optional<int> virtualPlanes;
 };
 
@@ -47,7 +46,7 @@ constexpr char kUsage[] =
     "bigus-cuda-bench [--engine NAME] [--quick] [--repeats N]\n"
     "    times slices and training passes on made-up fields\n"
     "bigus-cuda-bench --sweep FILE.txt --seconds S [--seconds S ...] [--gaussians N] [--hold-out K]\n"
-    "                 [--elevation-sigma MM] [--second-order] [--virtual-planes N] [--engine NAME]\n"
+    "                 [--elevation-sigma MM] [--virtual-planes N] [--engine NAME]\n"
     "    trains on a sweep for so many seconds each and scores the field; FILE is what export_sweep.py writes\n";
 
 double Number(const std::string& text, const std::string& option)
@@ -106,10 +105,6 @@ Options Parse(int argc, char** argv)
     else if (option == "--elevation-sigma")
     {
       options.elevationSigma = Number(value(), option);
-    }
-    else if (option == "--second-order")
-    {
-      options.secondOrder = true;
     }
     else if (option == "--virtual-planes")
     {
@@ -304,7 +299,6 @@ void MeasureTraining(const Options& options)
     trainer.timeLimit = seconds;
     trainer.iterations = 10000000;
     trainer.batch = 16;
-    trainer.secondOrder = options.secondOrder;
     trainer.virtualPlanes = options.virtualPlanes;
     if (options.holdOut == 0)
     {

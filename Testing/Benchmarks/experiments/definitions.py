@@ -166,10 +166,6 @@ def e1_jobs(scale):
             liver = name == "liver volume"
             # All slices seen: nothing lies between them, and they have no thickness. Else the trainer decides.
             ours = {"automatic": False, "elevation_sigma": 0} if slices == 160 else {}
-            if slices == 160:
-                for limit in (60, 300):
-                    add("BIGUS 140k, second order",
-                        auto(140000, time_limit=limit, second_order=True, **ours, **fit, **rates), limit + 8, 2)
             if liver and slices == 160:
                 add("BIGUS 140k", auto(140000, time_limit=40, **ours, **fit, **rates), 48)
             for limit, priority in ((60, 1), (300, 1 if liver else 3), (3600, 3)):
@@ -196,8 +192,6 @@ E1 = Experiment(
              {title: {"scene": "liver volume", "method": method, "limit": limit}
               for title, method, limit in (("BIGUS 140k, 5 minutes", "BIGUS 140k", "300 s"),
                                            ("BIGUS 140k, 1 minute", "BIGUS 140k", "60 s"),
-                                           ("second order, 5 minutes", "BIGUS 140k, second order", "300 s"),
-                                           ("second order, 1 minute", "BIGUS 140k, second order", "60 s"),
                                            ("like UltraGauss 100k, 1 minute", "UltraGauss preset 100k", "60 s"),
                                            ("cubic", "cubic", ""))},
              {"160 slices, all": ({"slices": 160}, "all 160 PSNR"), "160, at 45°": ({"slices": 160}, "45° PSNR"),
