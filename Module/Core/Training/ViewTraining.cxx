@@ -317,9 +317,10 @@ std::optional<ViewEvidence> AskForViews(const std::shared_ptr<const Sweep>& swee
       frames.size() * sweep->PixelsPerFrame() > kMostPixels && std::min(sweep->width, sweep->height) > 1;
   const std::shared_ptr<const Sweep> asked = isLarge ? std::make_shared<const Sweep>(sweep->Reduced(2)) : sweep;
   std::vector<double> gains;
-  // A third of few frames is too few to judge by, so there each third is judged by the others, unless the first says no.
+  // A third of few frames is too few to judge by, so there each third is judged by the others, unless the first is clear.
   const std::size_t folds = frames.size() < kManyFrames ? kJudged : 1;
-  for (std::size_t fold = 0; fold < folds && (fold == 0 || Mean(gains) > ViewEvidence::kLeastGain); ++fold)
+  ViewEvidence evidence;
+  for (std::size_t fold = 0; fold < folds && (fold == 0 || !evidence.IsClear()); ++fold)
   {
     std::vector<int> trained, judged;
     for (std::size_t k = 0; k < frames.size(); ++k)
@@ -332,9 +333,10 @@ std::optional<ViewEvidence> AskForViews(const std::shared_ptr<const Sweep>& swee
       return std::nullopt;
     }
     gains.insert(gains.end(), some->begin(), some->end());
+    evidence.gain = Mean(gains);
+    evidence.error = std::sqrt(MeanSquare(gains, evidence.gain) / static_cast<double>(gains.size() - 1));
   }
-  const double mean = Mean(gains);
-  return ViewEvidence{mean, std::sqrt(MeanSquare(gains, mean) / static_cast<double>(gains.size() - 1))};
+  return evidence;
 }
 
 std::optional<ViewedField> TrainViews(Engine& engine, const ViewTargets& targets, const TrainingPlan& plan,

@@ -28,10 +28,12 @@ struct ViewEvidence
   double error = 0;  ///< dB, standard error of the mean
 
   bool IsWorth() const { return gain > kLeastGain && gain > 2 * error; }
+  /// That more frames would hardly say otherwise: no gain, or one that is worth it and five times as large as need be.
+  bool IsClear() const { return gain <= kLeastGain || (IsWorth() && gain > 5 * kLeastGain); }
 };
 
 /// Asks frames that nothing has seen: two thirds of `frames` train a field in a short training, which is trained on with q
-/// and without; the other third judges. Of fewer than 60 frames each third judges in turn, unless the first says no. Null
+/// and without; the other third judges. Of fewer than 60 frames each third judges in turn, until they are clear. Null
 /// where there are too few frames or one orientation, or `goOn` says stop.
 std::optional<ViewEvidence> AskForViews(const std::shared_ptr<const Sweep>& sweep, const std::vector<int>& frames,
                                         const TrainingPlan& plan, const std::function<bool()>& goOn);
