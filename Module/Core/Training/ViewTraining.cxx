@@ -237,22 +237,22 @@ constexpr std::size_t kJudged = 3;  // every so many frames
 /// Radian: below it directions are the tracker's last digits.
 constexpr double kLeastUnit = 1e-3;
 /// Pixels of all frames; larger sweeps are judged at half the size.
-constexpr std::size_t kMostPixels = std::size_t(1) << 26;
+constexpr std::size_t kMostPixels = std::size_t(1) << 23;
 
-/// Short trainings have this share of the plan's Gaussians, take so many passes without q and as many again with it. A
-/// full one takes 60 to 80.
+/// Short trainings have this share of the plan's Gaussians, take so many passes without q and as many again with it, and
+/// twice as many where that is not clear. A full one takes 60 to 80.
 constexpr double kShortShare = 0.5;
-constexpr double kShortPasses = 10;
+constexpr double kShortPasses = 5;
 constexpr int kFewestShortSteps = 40;
 
 /// The plan of a short training on these frames.
-TrainingPlan ShortPlan(TrainingPlan plan, const Sweep& sweep, const std::vector<int>& frames)
+TrainingPlan ShortPlan(TrainingPlan plan, const Sweep& sweep, const std::vector<int>& frames, double passes)
 {
   plan.gaussians =
       std::max<std::size_t>(1, static_cast<std::size_t>(kShortShare * static_cast<double>(plan.gaussians)));
   plan.virtualPlanes = 0;
-  plan.iterations = std::min(plan.iterations,
-                             std::max(kFewestShortSteps, StepsForPasses(kShortPasses, frames.size(), 0, plan.batch)));
+  plan.iterations =
+      std::min(plan.iterations, std::max(kFewestShortSteps, StepsForPasses(passes, frames.size(), 0, plan.batch)));
   plan.timeLimit = 0;
   plan.densification.interval = 0;
   ScaleToPixels(MeasureGeometry(sweep, frames).pixelSize, plan);
@@ -272,13 +272,18 @@ std::vector<double> Psnrs(Engine& engine, const Sweep& sweep, const std::vector<
   return psnrs;
 }
 
-/// The field of a short training on frames is trained on, with q and without: dB that the former gains on each of other
-/// frames. Null when `goOn` says stop.
-std::optional<std::vector<double>> Gains(const std::shared_ptr<const Sweep>& sweep, const std::vector<int>& trained,
-                                         const std::vector<int>& judged, const TrainingPlan& given,
+/// The field of a short training on two thirds of the frames is trained on, with q and without: dB that the former gains on
+/// each of the others. Null when `goOn` says stop.
+std::optional<std::vector<double>> Gains(const std::shared_ptr<const Sweep>& sweep, const std::vector<int>& frames,
+                                         std::size_t third, double passes, const TrainingPlan& given,
                                          const std::function<bool()>& goOn)
 {
-  const TrainingPlan plan = ShortPlan(given, *sweep, trained);
+  std::vector<int> trained, judged;
+  for (std::size_t k = 0; k < frames.size(); ++k)
+  {
+    (k % kJudged == (kJudged / 2 + third) % kJudged ? judged : trained).push_back(frames[k]);
+  }
+  const TrainingPlan plan = ShortPlan(given, *sweep, trained, passes);
   TrainingLoop loop(sweep, trained, plan, [&goOn](const TrainingProgress&) { return goOn(); });
   loop.Begin(loop.SeedStart());
   const Fitted begun = loop.Run({});
@@ -317,21 +322,20 @@ std::optional<ViewEvidence> AskForViews(const std::shared_ptr<const Sweep>& swee
       frames.size() * sweep->PixelsPerFrame() > kMostPixels && std::min(sweep->width, sweep->height) > 1;
   const std::shared_ptr<const Sweep> asked = isLarge ? std::make_shared<const Sweep>(sweep->Reduced(2)) : sweep;
   std::vector<double> gains;
-  // A third of few frames is too few to judge by, so there each third is judged by the others, unless the first is clear.
-  const std::size_t folds = frames.size() < kManyFrames ? kJudged : 1;
+  // A third of few frames is too few to judge by. So where it is not clear each third is judged by the others, and of many
+  // frames the same again after a longer training.
+  const bool areMany = frames.size() >= kManyFrames;
   ViewEvidence evidence;
-  for (std::size_t fold = 0; fold < folds && (fold == 0 || !evidence.IsClear()); ++fold)
+  for (std::size_t k = 0; k < (areMany ? 2 : kJudged) && (k == 0 || !evidence.IsClear()); ++k)
   {
-    std::vector<int> trained, judged;
-    for (std::size_t k = 0; k < frames.size(); ++k)
-    {
-      (k % kJudged == (kJudged / 2 + fold) % kJudged ? judged : trained).push_back(frames[k]);
-    }
-    const std::optional<std::vector<double>> some = Gains(asked, trained, judged, plan, goOn);
+    const bool isShortest = areMany && k == 0;
+    const std::optional<std::vector<double>> some =
+        Gains(asked, frames, areMany ? 0 : k, isShortest ? kShortPasses : 2 * kShortPasses, plan, goOn);
     if (!some)
     {
       return std::nullopt;
     }
+    gains.resize(areMany ? 0 : gains.size());
     gains.insert(gains.end(), some->begin(), some->end());
     evidence.gain = Mean(gains);
     evidence.error = std::sqrt(MeanSquare(gains, evidence.gain) / static_cast<double>(gains.size() - 1));

@@ -33,8 +33,9 @@ struct ViewEvidence
 };
 
 /// Asks frames that nothing has seen: two thirds of `frames` train a field in a short training, which is trained on with q
-/// and without; the other third judges. Of fewer than 60 frames each third judges in turn, until they are clear. Null
-/// where there are too few frames or one orientation, or `goOn` says stop.
+/// and without; the other third judges. Where that is not clear, of fewer than 60 frames each third judges in turn, of more
+/// the same third after a training twice as long. Null where there are too few frames or one orientation, or `goOn` says
+/// stop.
 std::optional<ViewEvidence> AskForViews(const std::shared_ptr<const Sweep>& sweep, const std::vector<int>& frames,
                                         const TrainingPlan& plan, const std::function<bool()>& goOn);
 
