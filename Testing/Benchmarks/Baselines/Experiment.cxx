@@ -25,6 +25,7 @@
 
 #include "Core/Deciding/PoseCorrection.h"
 #include "Core/Engine/Engine.h"
+#include "Core/Engine/ViewEngine.h"
 #include "Core/Evaluation/Baselines.h"
 #include "Core/Evaluation/Compounding.h"
 #include "Core/Evaluation/CrossPlanes.h"
@@ -222,6 +223,19 @@ GaussianField UltraGaussSeeds(const TrainerOptions& options, const Sweep& seen)
   return field;
 }
 
+/// What an engine shows of a field at any plane, from its direction where that counts.
+std::function<void(const SlicePlane&, float*)> SeenBy(const std::string& engineName, const GaussianField& field,
+                                                      const std::optional<ViewDependence>& view)
+{
+  const std::shared_ptr<Engine> engine = Engine::Create(engineName);
+  const auto seen = std::make_shared<SeenField>(*engine, field, view ? &*view : nullptr);
+  return [engine, seen](const SlicePlane& plane, float* image)
+  {
+    seen->LookFrom(plane);
+    engine->Render(plane, ViewOutput::Intensity, image);
+  };
+}
+
 /// `renderedSigma`, mm, takes the place of the trained beam in pictures.
 Method Trained(const TrainerOptions& options, std::optional<double> renderedSigma, const Sweep& sweep,
                const Split& split)
@@ -238,12 +252,9 @@ Method Trained(const TrainerOptions& options, std::optional<double> renderedSigm
   method.training = std::make_shared<const TrainingResult>(Train(seen, options, start ? &*start : nullptr));
   const TrainingResult& result = *method.training;
   method.seconds = SecondsSince(begin);
-  const std::shared_ptr<Engine> engine = Engine::Create(options.engine);
   GaussianField rendered = result.field;
   rendered.beam.elevationSigma = renderedSigma.value_or(rendered.beam.elevationSigma);
-  engine->SetField(rendered);
-  method.predictPlane = [engine](const SlicePlane& plane, float* image)
-  { engine->Render(plane, ViewOutput::Intensity, image); };
+  method.predictPlane = SeenBy(options.engine, rendered, result.view);
   method.engine = options.engine;
   method.field = rendered;
   method.bytes = static_cast<double>(result.field.Size() * GaussianBytes);
@@ -287,10 +298,7 @@ Method FromFile(JobFields& fields)
   method.field = FieldFromPolyData(reader->GetOutput());
   fields.Read("rendered_elevation_sigma", method.field->beam.elevationSigma);
   method.engine = "auto";
-  const std::shared_ptr<Engine> engine = Engine::Create(method.engine);
-  engine->SetField(*method.field);
-  method.predictPlane = [engine](const SlicePlane& plane, float* image)
-  { engine->Render(plane, ViewOutput::Intensity, image); };
+  method.predictPlane = SeenBy(method.engine, *method.field, ViewFromPolyData(reader->GetOutput()));
   method.bytes = static_cast<double>(method.field->Size() * GaussianBytes);
   method.facts = {{"gaussians", method.field->Size()}, {"elevation_sigma", method.field->beam.elevationSigma}};
   return method;

@@ -160,36 +160,6 @@ Sweep MakePhantom(const Json& description, const fs::path& cache)
   return sweep;
 }
 
-// The hand needs this long to begin the next sweep.
-constexpr double kPauseBetweenSweeps = 2;  // seconds
-
-/// Frames of several sweeps, one sweep after another.
-Sweep Merged(const std::vector<Sweep>& sweeps)
-{
-  Sweep merged = sweeps.front();
-  merged.timestamps.clear();
-  merged.imageToReference.clear();
-  std::vector<std::uint8_t> bytes;
-  for (const Sweep& sweep : sweeps)
-  {
-    if (sweep.width != merged.width || sweep.height != merged.height)
-    {
-      throw Error("phantoms: the sweeps have frames of different sizes.");
-    }
-    const auto* pixels = static_cast<const std::uint8_t*>(sweep.pixels.get());
-    bytes.insert(bytes.end(), pixels, pixels + sweep.PixelsPerFrame() * sweep.NumberOfFrames());
-    merged.imageToReference.insert(merged.imageToReference.end(), sweep.imageToReference.begin(),
-                                   sweep.imageToReference.end());
-    const double start = merged.timestamps.empty() ? 0 : merged.timestamps.back() + kPauseBetweenSweeps;
-    for (const double seconds : sweep.timestamps)
-    {
-      merged.timestamps.push_back(start + seconds);
-    }
-  }
-  SetPixels(merged, std::move(bytes));
-  return merged;
-}
-
 /// The z-planes of a cube of voxels, pixel for voxel.
 Sweep SlicesOfVolume(JobFields& fields, const fs::path& data)
 {
@@ -275,16 +245,16 @@ Sweep ReadScene(JobFields& fields, const SceneFolders& folders)
   {
     return SlicesOfVolume(fields, folders.data);
   }
-  std::vector<Sweep> sweeps;
+  std::vector<std::shared_ptr<const Sweep>> sweeps;
   for (const Json& description : fields.Required<std::vector<Json>>("phantoms"))
   {
-    sweeps.push_back(MakePhantom(description, folders.cache));
+    sweeps.push_back(std::make_shared<const Sweep>(MakePhantom(description, folders.cache)));
   }
   if (sweeps.empty())
   {
     throw Error("sweep: 'phantoms' is empty.");
   }
-  return Merged(sweeps);
+  return *Join(sweeps);
 }
 
 }  // namespace
