@@ -4,10 +4,11 @@
 
     fuzz_sources.py [--executions 1500] [--seed 1]
 
-Each damaged file must be read, or refused by SourceError in one line that names it (or the poses, where a cut video has
-fewer frames), within 10 s of the processor and 1 GB more memory than the program has at the start. What is damaged is
-bytes (changed, cut out, doubled, cut off) and numbers (replaced by such as 1e308, -1 and 2^63). A file that is answered otherwise is written to the working directory. Kinds
-whose package is not there are left out, and named. Sequences (.mha, .nrrd) have fuzz targets of their own.
+Each damaged file must be read, or refused by SourceError in one line that names it (its folder, where a picture's size
+is another; the poses, where a cut video or list has fewer frames), within 10 s of the processor and 1 GB more memory than
+the program has at the start. What is damaged is bytes (changed, cut out, doubled, cut off) and numbers (replaced by such
+as 1e308, -1 and 2^63). A file that is answered otherwise is written to the working directory. Kinds whose package is not
+there are left out, and named. Sequences (.mha, .nrrd) have fuzz targets of their own.
 """
 import argparse
 import io
@@ -64,9 +65,23 @@ def images_of_every_kind(folder):
         missing.append("DICOM")
     try:
         files["images.avi"] = video_of(pixels, folder / "whole.avi")
+        files |= pictures_of(pixels, folder)
     except ImportError:
-        missing.append("video")
+        missing += ["video", "pictures"]
     return files, missing
+
+
+def pictures_of(pixels, folder):
+    """One picture of each kind amid sound ones in a folder of its own, and a list of pictures; by their paths."""
+    import cv2
+
+    files = {}
+    for kind in ("png", "jpg", "bmp", "tif"):
+        (folder / kind).mkdir()
+        for k, image in enumerate(pixels):
+            cv2.imwrite(str(folder / kind / f"frame_{k}.{kind}"), image)
+        files[f"{kind}/frame_2.{kind}"] = (folder / kind / f"frame_2.{kind}").read_bytes()
+    return files | {"list.txt": "".join(f"png/frame_{k}.png\n" for k in range(FRAMES)).encode()}
 
 
 def dicom_of(pixels):
@@ -112,16 +127,25 @@ def poses_of_every_kind():
             "poses.seq.mha": ("NDims = 3\n" + sequence + "ElementDataFile = LOCAL\n").encode()}
 
 
-def answer(images, trajectory, name):
-    """What is wrong with the answer; nothing where it is as promised."""
+def answer(folder, file, damage=None):
+    """What is wrong with the answer to one damaged file amid sound ones; nothing where it is as promised."""
+    path = folder / file
+    sound = path.read_bytes()
+    path.write_bytes(sound if damage is None else damage)
+    images, trajectory = (folder / "images.npy", path) if file in poses_of_every_kind() else (path, folder / "poses.csv")
+    if "/" in file:  # a picture amid others
+        images = path.parent
     start = time.process_time()
     try:
         sources.load(images, trajectory, pixel_spacing=(0.2, 0.2))
     except sources.SourceError as error:
-        if name not in str(error) and "names frame" not in str(error):  # of a video that was cut, the poses are too many
+        if images.name not in str(error) and path.name not in str(error) and "names frame" not in str(error):
+            # "names frame": of a video or a list that was cut, the poses are too many
             return f"does not name the file: {error}"
     except Exception:
         return traceback.format_exc()
+    finally:
+        path.write_bytes(sound)
     seconds = time.process_time() - start
     return f"took {seconds:.1f} s" if seconds > SECONDS else ""
 
@@ -135,31 +159,24 @@ def main():
     chance, faults = random.Random(options.seed), 0
     with tempfile.TemporaryDirectory() as name:
         folder = pathlib.Path(name)
-        images, missing = images_of_every_kind(folder)
-        trajectories = poses_of_every_kind()
-        for file, data in {**images, **trajectories}.items():
+        files, missing = images_of_every_kind(folder)
+        files |= poses_of_every_kind()
+        for file, data in files.items():
             (folder / file).write_bytes(data)
-        for file in (*images, *trajectories):
-            sound = answer(folder / file, folder / "poses.csv", file) if file in images else answer(
-                folder / "images.npy", folder / file, file)
-            if sound:
-                sys.exit(f"{file} is not read though it is sound: {sound}")
+        for file in files:
+            if wrong := answer(folder, file):
+                sys.exit(f"{file} is not read though it is sound: {wrong}")
         limit = sources_memory() + BYTES
         resource.setrlimit(resource.RLIMIT_AS, (limit, limit))
-        kinds = itertools.cycle([*images, *trajectories])
-        for _ in range(options.executions):
-            file = next(kinds)
-            bad = folder / ("bad-" + file)
-            data = damaged(images[file] if file in images else trajectories[file], chance)
-            bad.write_bytes(data)
-            wrong = answer(bad, folder / "poses.csv", bad.name) if file in images else answer(
-                folder / "images.npy", bad, bad.name)
-            if wrong:
+        for file in itertools.islice(itertools.cycle(files), options.executions):
+            damage = damaged(files[file], chance)
+            if wrong := answer(folder, file, damage):
                 faults += 1
-                pathlib.Path(f"fault-{faults}-{file}").write_bytes(data)
-                print(f"fault-{faults}-{file}: {wrong}")
+                fault = f"fault-{faults}-{pathlib.Path(file).name}"
+                pathlib.Path(fault).write_bytes(damage)
+                print(f"{fault}: {wrong}")
     left_out = f"; left out: {', '.join(missing)}" if missing else ""
-    print(f"{options.executions} damaged files of {len(images) + len(trajectories)} kinds, {faults} faults{left_out}")
+    print(f"{options.executions} damaged files of {len(files)} kinds, {faults} faults{left_out}")
     return 1 if faults else 0
 
 

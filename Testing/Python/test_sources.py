@@ -804,8 +804,9 @@ class BadFiles(InFolder):
         self.refused("holds no picture", "nothing")
         self.write("list.txt", "\n# nothing\n")
         self.refused("names no picture", "list.txt")
-        self.write("list.txt", "missing.png\n")
-        self.refused("missing.png: there is no such file", "list.txt")
+        for name in ("missing.png", "/dev/zero", "a" * 5000):  # a device need not end, and no file has so long a name
+            self.write("list.txt", f"# nothing\n{name}\n")
+            self.refused("list.txt: line 2 names", "list.txt")
         (self.folder / "binary.txt").write_bytes(b"\xff\xfe\x00\x01")
         self.refused("not text", "binary.txt")
 

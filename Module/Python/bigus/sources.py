@@ -343,7 +343,6 @@ def _picture(path: Path) -> np.ndarray:
 def _pictures(paths: Sequence[Path]) -> np.ndarray:
     frames = []
     for path in paths:
-        _require_file(path)
         frames.append(as_pixels(_picture(path)[np.newaxis], path)[0])
         if frames[-1].shape != frames[0].shape or frames[-1].dtype != frames[0].dtype:
             height, width = frames[-1].shape
@@ -375,10 +374,15 @@ def _list_of_frames(path: pathlib.Path) -> np.ndarray:
         lines = path.read_text(encoding="utf-8-sig").splitlines()
     except UnicodeDecodeError:
         raise SourceError(f"{path}: not text; a list has the name of a picture a line") from None
-    names = [line.strip() for line in lines if line.strip() and not line.startswith("#")]
-    if not names:
+    pictures = []
+    for number, line in enumerate(lines, 1):
+        if line.strip() and not line.startswith("#"):
+            pictures.append(path.parent / line.strip())
+            if not os.path.isfile(pictures[-1]):  # nor a device, which need not end
+                raise SourceError(f"{path}: line {number} names {pictures[-1]}: there is no such file")
+    if not pictures:
         raise SourceError(f"{path}: names no picture; a list has the name of one a line")
-    return _pictures([path.parent / name for name in names])
+    return _pictures(pictures)
 
 
 def _dicom(path: Path) -> Images:
