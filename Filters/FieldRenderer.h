@@ -66,6 +66,7 @@ public:
   /// The most that a plane of the last Render saw of what the field knows of directions, 0 to 1; negative where it knows
   /// nothing, or is not asked.
   double ViewNearness() const { return nearness_; }
+  bool SeesDirections() const { return view_ && seesDirections_; }
 
   /// Renders a part of a grid, as Bands::Run does.
   bool Render(const GridPart& grid, ViewOutput output, bool coverage, const Slab& slab,
@@ -74,7 +75,6 @@ public:
   const std::string& Device() const { return device_; }
 
 private:
-  bool SeesDirections() const { return view_ && seesDirections_; }
   void UploadHere(const ViewSettings& settings);
   void UploadField(double sigma);
   void UploadLabel(double sigma);

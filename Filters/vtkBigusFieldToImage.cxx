@@ -307,7 +307,8 @@ bool vtkBigusFieldToImage::CompleteOutputs(const bigus::GridPart& grid,
   }
   auto* sigma = static_cast<float*>(vtkImageData::GetData(outputs, this->StandardErrorPort)->GetScalarPointer());
   return this->Kept->standardError->Evaluate(
-      grid, [&](const bigus::Extent& part, float* image) { return render(part.data(), image); }, sigma);
+      grid, [&](const bigus::Extent& part, float* image) { return render(part.data(), image); }, sigma,
+      !this->Renderer->SeesDirections());
 }
 
 vtkPolyData* vtkBigusFieldToImage::WholeField(const char* output)

@@ -158,7 +158,7 @@ public:
         bands_.Run({indexToWorld, whole, part}, false, {}, PlanesSeen(ViewOutput::Intensity), keep);
         return tell((part[4] - extent[4] + 1.0) / (extent[5] - extent[4] + 1));
       };
-      return StandardError(bytes).Evaluate({indexToWorld, whole, extent}, render, sigma.data());
+      return StandardError(bytes).Evaluate({indexToWorld, whole, extent}, render, sigma.data(), isAlike_);
     };
     return WorkAlone(progress, evaluate) ? std::optional(Owned(std::move(sigma))) : std::nullopt;
   }

@@ -19,6 +19,7 @@
 #include "Core/Model/FieldTransform.h"
 #include "Core/Model/ViewDependence.h"
 #include "Core/Phantom/Phantom.h"
+#include "Core/StandardError/StandardError.h"
 #include "Core/Training/GeometryDefaults.h"
 #include "Core/Training/Judging.h"
 #include "Core/Training/TrainingPlan.h"
@@ -374,6 +375,7 @@ struct Directed
 {
   std::shared_ptr<Sweep> sweep = TiltedThereAndBack(36, 4);
   GaussianField field;
+  ViewDependence view;
   std::vector<int> training, heldOut;
   bigus::TrainingPlan plan;
 
@@ -385,7 +387,7 @@ struct Directed
     {
       r = std::abs(r) + 0.3;
     }
-    ViewDependence view = RandomView(random, *sweep, field.Size(), size);
+    view = RandomView(random, *sweep, field.Size(), size);
     const auto engine = Engine::Create("cpu");
     bigus::SeenField seen(*engine, field, &view);
     for (int f = 0; f < sweep->NumberOfFrames(); ++f)
@@ -504,6 +506,52 @@ TEST(ViewTraining, WhoSaysStopGetsNothing)
   EXPECT_FALSE(bigus::TrainViews(*engine, {directed.sweep, directed.training, {}}, directed.plan, directed.field,
                                  {directed.Views(), {}}, stop));
   EXPECT_EQ(asked, 3);
+}
+
+/// Frames are what the field shows from their directions, so there is no error on them, and more where each Gaussian is as
+/// it usually looks: on planes across, and in volumes.
+TEST(ViewStandardError, IsOfWhatPlanesSee)
+{
+  const Directed directed(0.15);
+  const Sweep& sweep = *directed.sweep;
+  const bigus::StandardError alike(directed.field, sweep, directed.training, 0, "cpu");
+  const bigus::StandardError made(directed.field, sweep, directed.training, 0, "cpu", &directed.view);
+  const bigus::StandardError seen(made.ToBytes());
+  EXPECT_EQ(seen.ToBytes(), made.ToBytes());
+  const auto sigma = [](const bigus::StandardError& error, const SlicePlane& plane)
+  {
+    std::vector<float> image(plane.NumberOfPixels(), 0.5f), values(image.size());
+    error.Evaluate(plane, image.data(), values.data());
+    return values;
+  };
+  const SlicePlane frame = sweep.Plane(directed.training[5]);
+  const float halfGrey = 0.5f / 255;
+  for (const float value : sigma(seen, frame))
+  {
+    ASSERT_NEAR(value, halfGrey, 1e-6);
+  }
+  const auto mean = [](const std::vector<float>& values)
+  { return std::accumulate(values.begin(), values.end(), 0.0) / static_cast<double>(values.size()); };
+  EXPECT_GT(mean(sigma(alike, frame)), 3 * halfGrey);
+
+  const auto expectSame = [](const std::vector<float>& a, const std::vector<float>& b)
+  {
+    EXPECT_TRUE(
+        std::equal(a.begin(), a.end(), b.begin(), [](float x, float y) { return x == y || (x != x && y != y); }));
+  };
+  SlicePlane across = frame;
+  across.rowStep = frame.Normal() * frame.rowStep.norm();
+  expectSame(sigma(seen, across), sigma(alike, across));
+  Eigen::Matrix4d grid = sweep.imageToReference[directed.training[5]];
+  const bigus::Extent extent = {0, sweep.width - 1, 0, sweep.height - 1, 0, 0};
+  std::vector<float> volume(sweep.PixelsPerFrame());
+  const auto grey = [&](const bigus::Extent&, float* image)
+  {
+    std::fill_n(image, volume.size(), 0.5f);
+    return true;
+  };
+  ASSERT_TRUE(seen.Evaluate({grid, extent, extent}, grey, volume.data(), true));
+  expectSame(volume, sigma(alike, frame));
 }
 
 }  // namespace

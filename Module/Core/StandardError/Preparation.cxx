@@ -6,11 +6,14 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdlib>
+#include <functional>
 #include <iterator>
 #include <limits>
 #include <memory>
+#include <optional>
 #include <string>
 
+#include "Core/Engine/ViewEngine.h"
 #include "Core/Evaluation/FrameInSpace.h"
 #include "Core/Poses/Trajectory.h"
 #include "Core/StandardError/Inside.h"
@@ -85,16 +88,57 @@ std::vector<SquaresOfOneSize> MeansOverSquares(const std::vector<double>& errors
   return sizes;
 }
 
+/// The training frames less what directions add to the field's picture of them.
+Sweep AsUsual(Engine& engine, const GaussianField& field, const ViewDependence& view, const Sweep& sweep,
+              const std::vector<int>& training)
+{
+  Sweep usual = sweep.ReducedOf(training, 1);
+  const std::size_t size = sweep.PixelsPerFrame();
+  const auto pixels = std::make_shared<std::vector<float>>(size * training.size());
+  std::vector<float> image(size);
+  const auto add = [&](double sign, SeenField& seen)
+  {
+    for (std::size_t k = 0; k < training.size(); ++k)
+    {
+      const SlicePlane plane = sweep.Plane(training[k]);
+      seen.LookFrom(plane);
+      engine.Render(plane, ViewOutput::Intensity, image.data());
+      float* const frame = pixels->data() + k * size;
+      std::transform(image.begin(), image.end(), frame, frame,
+                     [&](float value, float sum) { return sum + sign * value; });
+    }
+  };
+  SeenField alike(engine, field, nullptr);
+  add(1, alike);
+  SeenField seen(engine, field, &view);
+  add(-1, seen);
+  for (std::size_t k = 0; k < training.size(); ++k)
+  {
+    sweep.CopyFrame(training[k], image.data());
+    float* const frame = pixels->data() + k * size;
+    std::transform(image.begin(), image.end(), frame, frame, std::plus<>());
+  }
+  usual.pixelType = Sweep::PixelType::Float32;
+  usual.pixels = std::shared_ptr<const void>(pixels, pixels->data());
+  return usual;
+}
+
 }  // namespace
 
 /// Measures one training frame after another.
 class StandardError::Preparation
 {
 public:
-  Preparation(StandardError& kept, const Sweep& sweep, const std::vector<int>& training) : kept_(kept)
+  /// `usual`: null, or the training frames as they would be without what the field knows of directions.
+  Preparation(StandardError& kept, const Sweep& sweep, const std::vector<int>& training, const Sweep* usual)
+      : kept_(kept)
   {
     for (const int frame : training)
     {
+      if (usual)
+      {
+        usual_.emplace_back(*usual, static_cast<int>(frames_.size()));
+      }
       frames_.emplace_back(sweep, frame);
     }
     const std::size_t cells = kept.Cells() * training.size();
@@ -108,6 +152,7 @@ public:
     kept.speckle_.assign(training.size(), static_cast<float>(kSpeckle));
     beside_.resize(training.size());
     share_.assign(training.size(), -1);
+    seen_.resize(training.size());
     squares_.resize(training.size());
     residuals_.resize(training.size());
   }
@@ -120,9 +165,14 @@ public:
         squares(lit.size());
     for (std::size_t p = 0; p < lit.size(); ++p)
     {
-      frame[p] = Pixel(k, p);
+      frame[p] = Pixel(frames_[k], p);
       errors[p] = frame[p] - image[p];
       squares[p] = errors[p] * errors[p];
+      if (!usual_.empty())
+      {
+        seen_[k].own += lit[p] * squares[p];
+        seen_[k].ownSeen += lit[p] * std::pow(Pixel(usual_[k], p) - image[p], 2);
+      }
     }
     residuals_[k] = MeansOverSquares(errors, lit, width, kept_.height_);
     const std::vector<double> texture = WindowVariances(frame, lit, width, kept_.height_, kHalfWindow);
@@ -155,6 +205,10 @@ public:
     }
     KeepTurns();
     KeepSquares();
+    if (!usual_.empty())
+    {
+      KeepSeen();
+    }
   }
 
 private:
@@ -215,9 +269,25 @@ private:
     }
   }
 
-  double Pixel(std::size_t k, std::size_t p) const
+  /// Of errors on frames and between them, the share that is left where directions count.
+  void KeepSeen()
   {
-    return frames_[k].Pixel(static_cast<int>(p % kept_.width_), static_cast<int>(p / kept_.width_));
+    FromDirections all;
+    for (const FromDirections& one : seen_)
+    {
+      all.own += one.own;
+      all.ownSeen += one.ownSeen;
+      all.between += one.between;
+      all.betweenSeen += one.betweenSeen;
+    }
+    const auto share = [](double seen, double usual)
+    { return static_cast<float>(usual > 0 ? std::min(seen / usual, 1.0) : 1); };
+    kept_.seen_ = {share(all.ownSeen, all.own), share(all.betweenSeen, all.between)};
+  }
+
+  double Pixel(const FrameInSpace& frame, std::size_t p) const
+  {
+    return frame.Pixel(static_cast<int>(p % kept_.width_), static_cast<int>(p / kept_.width_));
   }
 
   /// Means over windows of what counts (1, else 0).
@@ -331,10 +401,19 @@ private:
       if (kept_.lit_[p] && at.frame[0] >= 0 && at.frame[1] >= 0)
       {
         const double t = at.Nearness();
-        const auto sample = [&](int side)
-        { return frames_[at.frame[side]].Sample(Eigen::Vector3d(at.column[side], at.row[side], 0)); };
-        errors[p] = frame[p] - t * sample(0) - (1 - t) * sample(1);
+        const auto between = [&](const std::vector<FrameInSpace>& frames)
+        {
+          const auto sample = [&](int side)
+          { return frames[at.frame[side]].Sample(Eigen::Vector3d(at.column[side], at.row[side], 0)); };
+          return t * sample(0) + (1 - t) * sample(1);
+        };
+        errors[p] = frame[p] - between(frames_);
         squares[p] = errors[p] * errors[p];
+        if (!usual_.empty())
+        {
+          seen_[k].between += squares[p];
+          seen_[k].betweenSeen += std::pow(Pixel(usual_[k], p) - between(usual_), 2);
+        }
         apart[p] = at.Apart();
         known[p] = 1;
         const int side = t >= 0.5 ? 0 : 1;
@@ -352,20 +431,26 @@ private:
   }
 
   StandardError& kept_;
-  std::vector<FrameInSpace> frames_;
+  std::vector<FrameInSpace> frames_, usual_;
   std::vector<double> between_, apart_;  // [frames][cells], apart -1: not known
   /// What frames beside a frame tell of it: sums over pixels that lie between two.
   struct FromBeside
   {
     double turned = 0, squares = 0, texture = 0, count = 0;
   };
-  std::vector<double> share_;       // [frames] of texture that is speckle, -1: not known
-  std::vector<FromBeside> beside_;  // [frames]
+  /// Sums of squared errors, without directions and with.
+  struct FromDirections
+  {
+    double own = 0, ownSeen = 0, between = 0, betweenSeen = 0;
+  };
+  std::vector<FromDirections> seen_;  // [frames]
+  std::vector<double> share_;         // [frames] of texture that is speckle, -1: not known
+  std::vector<FromBeside> beside_;    // [frames]
   std::vector<std::vector<SquaresOfOneSize>> squares_, residuals_;  // [frames][sizes]
 };
 
 StandardError::StandardError(const GaussianField& field, const Sweep& sweep, const std::vector<int>& training,
-                             double trackerNoise, const std::string& engineName)
+                             double trackerNoise, const std::string& engineName, const ViewDependence* view)
     : width_(sweep.width), height_(sweep.height), trackerNoise_(std::min(trackerNoise, kMostNoise))
 {
   CheckTraining(sweep, training);
@@ -383,9 +468,12 @@ StandardError::StandardError(const GaussianField& field, const Sweep& sweep, con
   {
     cell_ *= 2;
   }
+  seen_ = view ? std::optional(Seen{1, 1}) : std::nullopt;
   Derive();
-  Preparation preparation(*this, sweep, training);
   const std::unique_ptr<Engine> engine = Engine::Create(engineName);
+  const std::optional<Sweep> usual =
+      view ? std::optional(AsUsual(*engine, field, *view, sweep, training)) : std::nullopt;
+  Preparation preparation(*this, sweep, training, usual ? &*usual : nullptr);
   engine->SetField(field);
   for (std::size_t first = 0; first < training.size(); first += kAtOnce)
   {

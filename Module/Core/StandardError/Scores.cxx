@@ -8,6 +8,7 @@
 #include <memory>
 #include <numeric>
 
+#include "Core/Engine/ViewEngine.h"
 #include "Core/Model/Error.h"
 #include "Core/StandardError/Inside.h"
 #include "Core/StandardError/StandardError.h"
@@ -183,10 +184,10 @@ private:
 };
 
 Samples SampleFrames(const StandardError& standardError, const GaussianField& field, const Sweep& sweep,
-                     const std::vector<int>& frames, const std::string& engineName)
+                     const std::vector<int>& frames, const std::string& engineName, const ViewDependence* view)
 {
   const std::unique_ptr<Engine> engine = Engine::Create(engineName);
-  engine->SetField(field);
+  SeenField seen(*engine, field, view);
   const std::size_t pixels = sweep.PixelsPerFrame(), stride = 1 + pixels * frames.size() / kMostPixels;
   std::vector<float> truth(pixels), image(pixels), sigma(pixels);
   Samples samples;
@@ -196,6 +197,7 @@ Samples SampleFrames(const StandardError& standardError, const GaussianField& fi
   {
     const SlicePlane plane = sweep.Plane(frame);
     sweep.CopyFrame(frame, truth.data());
+    seen.LookFrom(plane);
     engine->Render(plane, ViewOutput::Intensity, image.data());
     standardError.Evaluate(plane, image.data(), sigma.data());
     const std::vector<float> apart = standardError.Apart(plane);
@@ -229,9 +231,10 @@ Samples SampleFrames(const StandardError& standardError, const GaussianField& fi
 }  // namespace
 
 StandardErrorReport ScoreStandardError(const StandardError& standardError, const GaussianField& field,
-                                       const Sweep& sweep, const std::vector<int>& frames, const std::string& engine)
+                                       const Sweep& sweep, const std::vector<int>& frames, const std::string& engine,
+                                       const ViewDependence* view)
 {
-  const Samples samples = SampleFrames(standardError, field, sweep, frames, engine);
+  const Samples samples = SampleFrames(standardError, field, sweep, frames, engine, view);
   const double square = samples.errors.empty() ? 0 : MeanSquare(samples.errors);
   Require(square > 0, samples.errors.empty()
                           ? "The standard error is known at no pixel of the frames to score: none lies "

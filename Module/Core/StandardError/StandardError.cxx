@@ -22,7 +22,7 @@ namespace bigus
 namespace
 {
 
-constexpr int kVersion = 2;  // 1 had no squares
+constexpr int kVersion = 3;  // 1 had no squares; 2, still written where they do not count, no directions
 
 /// What the field leaves of the error of linear interpolation: 0.49 to 0.79 in folds of seven sweeps (README.md).
 constexpr double kLeft = 0.7;
@@ -124,6 +124,15 @@ void StandardError::Derive()
       bySequence_.emplace_back();
     }
     bySequence_.back().push_back(static_cast<int>(k));
+  }
+  if (seen_)
+  {
+    Sweep recorded;
+    recorded.width = width_;
+    recorded.height = height_;
+    recorded.imageToReference = poses_;
+    recorded.sequences = sequences_;
+    views_ = RecordedViews::Of(recorded, AllFrames(recorded));
   }
 }
 
@@ -491,6 +500,7 @@ struct StandardError::Shown
   const float* image;
   std::vector<double> turned;  // beyond each frame, by its columns
   Eigen::Vector3d normal, apex;
+  double residual = 1, rate = 1;  // what directions leave of these
 };
 
 /// sigma^2 = at + slope * the image's own variance around the pixel; NaN: not known.
@@ -516,8 +526,8 @@ StandardError::Line StandardError::Variance(const Shown& shown, const Beside& be
     return Eigen::Vector3d((at - shown.apex).normalized());
   };
   const double w = apex_ ? Further({shown.normal, beam()}, beside, side) : shown.turned[nearest];
-  const double between = beside.distance[0] == 0 ? 0 : kLeft * terms.rate * beside.Apart();
-  const double along = (1 - 2 * t * (1 - t)) * terms.residual + between;
+  const double between = beside.distance[0] == 0 ? 0 : shown.rate * kLeft * terms.rate * beside.Apart();
+  const double along = (1 - 2 * t * (1 - t)) * shown.residual * terms.residual + between;
   const double moved = trackerNoise_ == 0
                            ? 0
                            : trackerNoise_ * trackerNoise_ *
@@ -605,11 +615,14 @@ void StandardError::TakeLeast(const Shown& shown, const Tile& tile, const std::v
             });
 }
 
-void StandardError::Evaluate(const SlicePlane& plane, const Engine::Window& window, const float* image,
-                             float* sigma) const
+void StandardError::Evaluate(const SlicePlane& plane, const Engine::Window& window, const float* image, float* sigma,
+                             double nearness) const
 {
   const std::size_t count = static_cast<std::size_t>(window.columns) * window.rows;
+  const Seen seen = seen_.value_or(Seen{1, 1});
   Shown shown{plane, window, image, Turned(plane), plane.Normal(), ApexOf(plane)};
+  shown.residual = 1 - nearness * (1 - seen.residual);
+  shown.rate = 1 - nearness * (1 - seen.rate);
   for (std::size_t k = 0; k < shown.turned.size(); ++k)
   {
     shown.turned[k] = Further(shown.turned[k], usualTurn_[k]);
@@ -698,7 +711,7 @@ double StandardError::OfMean(const SlicePlane& plane, const float* sigma, const 
 }
 
 bool StandardError::Evaluate(const GridPart& grid, const std::function<bool(const Extent&, float*)>& render,
-                             float* sigma) const
+                             float* sigma, bool isVolume) const
 {
   const Extent &extent = grid.extent, &whole = grid.whole;
   for (int k = extent[4]; k <= extent[5]; ++k)
@@ -718,7 +731,7 @@ bool StandardError::Evaluate(const GridPart& grid, const std::function<bool(cons
     {
       return false;
     }
-    Evaluate(plane, window, image.data(), found.data());
+    Evaluate(plane, window, image.data(), found.data(), isVolume ? 0 : NearnessOf(plane));
     for (int j = extent[2]; j <= extent[3]; ++j)
     {
       const float* row = &found[static_cast<std::size_t>(j - part[2]) * window.columns + extent[0] - part[0]];
@@ -790,7 +803,7 @@ std::vector<double> WindowVariances(const std::vector<double>& values, const std
 std::string StandardError::ToBytes() const
 {
   StateWriter out;
-  out.Number<std::uint32_t>(kVersion);
+  out.Number<std::uint32_t>(seen_ ? kVersion : 2);
   out.Number<std::uint32_t>(width_);
   out.Number<std::uint32_t>(height_);
   out.Number<std::uint32_t>(cell_);
@@ -800,6 +813,11 @@ std::string StandardError::ToBytes() const
   out.Array(usualTurn_);
   out.Array(squares_);
   out.Number(bias_);
+  if (seen_)
+  {
+    out.Number(seen_->residual);
+    out.Number(seen_->rate);
+  }
   for (const Eigen::Matrix4d& pose : poses_)
   {
     out.Numbers(pose.data(), 16);
@@ -840,6 +858,12 @@ try
   {
     squares_ = in.Array<float>();
     bias_ = in.NumberIn<float>(0, 1);
+  }
+  if (version > 2)
+  {
+    seen_ = Seen{1, 1};
+    seen_->residual = in.NumberIn<float>(0, 1);
+    seen_->rate = in.NumberIn<float>(0, 1);
   }
   StateReader::Require(
       squares_.size() <= 15 && std::all_of(squares_.begin(), squares_.end(), [](float x) { return x > 0 && x <= 1; }),

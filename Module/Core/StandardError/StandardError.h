@@ -15,6 +15,7 @@
 #include "Core/Model/GaussianField.h"
 #include "Core/Model/SlicePlane.h"
 #include "Core/Model/Sweep.h"
+#include "Core/Model/ViewDependence.h"
 #include "Core/Slicing/OutputGrid.h"
 
 namespace bigus
@@ -29,10 +30,10 @@ class StandardError
 public:
   /// Looks at the field's residuals on the training frames, and at how well these predict each other. `sweep`: at the poses
   /// that the field was trained at, with the mask of what a probe lights (Sweep::LitBy); `training`: in ascending order;
-  /// `trackerNoise`: mm, at least 0 (TrackerNoise). Takes about as long as rendering every training frame five times. Throws
-  /// Error for frames that are not there.
+  /// `trackerNoise`: mm, at least 0 (TrackerNoise); `view`: what the field knows of directions, null for nothing. Takes about
+  /// as long as rendering every training frame five times. Throws Error for frames that are not there.
   StandardError(const GaussianField& field, const Sweep& sweep, const std::vector<int>& training, double trackerNoise,
-                const std::string& engine = "auto");
+                const std::string& engine = "auto", const ViewDependence* view = nullptr);
 
   /// What ToBytes gave. Withstands any damage: throws Error.
   explicit StandardError(std::string_view bytes);
@@ -48,15 +49,20 @@ public:
   /// frames do not tell: outside the lit area, before the first frame and behind the last. What lies outside the window is
   /// not looked at, so that parts of a plane agree bit for bit with the whole where windows are wider by Margin, but not than
   /// the plane. The same for every number of threads.
-  void Evaluate(const SlicePlane& plane, const Engine::Window& window, const float* image, float* sigma) const;
+  void Evaluate(const SlicePlane& plane, const Engine::Window& window, const float* image, float* sigma) const
+  {
+    Evaluate(plane, window, image, sigma, NearnessOf(plane));
+  }
   void Evaluate(const SlicePlane& plane, const float* image, float* sigma) const
   {
     Evaluate(plane, {0, 0, plane.width, plane.height}, image, sigma);
   }
 
   /// Of part of a grid, slice by slice, with the bits that the whole has there. `render` fills the intensities of another
-  /// part of the grid, one slice deep, and returns false to stop; then this returns false, too.
-  bool Evaluate(const GridPart& grid, const std::function<bool(const Extent&, float*)>& render, float* sigma) const;
+  /// part of the grid, one slice deep, and returns false to stop; then this returns false, too. `isVolume`: directions do not
+  /// count in what it renders, wherever its slices lie.
+  bool Evaluate(const GridPart& grid, const std::function<bool(const Extent&, float*)>& render, float* sigma,
+                bool isVolume = false) const;
 
   /// Whether the slice `image` tells little of what a probe would show: its standard error is larger than it varies itself
   /// (and than two grey levels), or most of what it shows lies where the frames do not tell. Judged at some 10,000 pixels.
@@ -101,6 +107,9 @@ private:
   struct Line;
   class Preparation;
 
+  double NearnessOf(const SlicePlane& plane) const { return seen_ ? views_.Nearness(plane) : 0; }
+  void Evaluate(const SlicePlane& plane, const Engine::Window& window, const float* image, float* sigma,
+                double nearness) const;
   void Derive();
   std::size_t Cells() const;
   int CellColumns() const { return (width_ + cell_ - 1) / cell_; }
@@ -131,8 +140,15 @@ private:
   double trackerNoise_ = 0;                  // mm
   std::vector<Eigen::Matrix4d> poses_;
   std::vector<int> sequences_;
-  std::vector<float> speckle_;                           // [frames] share of local variance that is another when turned
-  std::vector<float> usualTurn_;                         // [frames] how much speckle is another where R was measured
+  std::vector<float> speckle_;    // [frames] share of local variance that is another when turned
+  std::vector<float> usualTurn_;  // [frames] how much speckle is another where R was measured
+  /// Of the errors on frames, and between them, what is left where directions count (a = 1).
+  struct Seen
+  {
+    float residual, rate;
+  };
+  std::optional<Seen> seen_;                             // null: the field knows nothing of directions
+  RecordedViews views_;                                  // with seen_
   std::vector<float> squares_;                           // shares of sigma in means over 2, 4, 8, ... pixels a side
   float bias_ = 0;                                       // of the field, in means over the largest of them
   std::vector<std::uint8_t> lit_;                        // [height][width]
@@ -188,8 +204,9 @@ struct StandardErrorReport
   double known = 0;                           ///< share of the lit pixels of which sigma is known, and which count
 };
 
-/// Of the field's slices at these frames of `sweep`, which had no part in it. Throws Error when nothing is known there.
+/// Of the field's slices at these frames of `sweep`, which had no part in it; `view`: what it knows of directions. Throws Error when nothing is known there.
 StandardErrorReport ScoreStandardError(const StandardError& error, const GaussianField& field, const Sweep& sweep,
-                                       const std::vector<int>& frames, const std::string& engine = "auto");
+                                       const std::vector<int>& frames, const std::string& engine = "auto",
+                                       const ViewDependence* view = nullptr);
 
 }  // namespace bigus

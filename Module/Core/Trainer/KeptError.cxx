@@ -36,7 +36,9 @@ std::string MeasureStandardError(const TrainingResult& result, const Sweep& reco
   const double strength = isCorrected ? result.settled.poseSmoothing.value_or(1) : 0;
   Sweep trained = recorded.LitBy(shown);  // held-out frames have no say in what the probe lights, either
   trained.imageToReference = result.imageToReference;
-  return StandardError(result.field, trained, shown, TrackerNoise(recorded, strength), result.settled.engine).ToBytes();
+  return StandardError(result.field, trained, shown, TrackerNoise(recorded, strength), result.settled.engine,
+                       result.view ? &*result.view : nullptr)
+      .ToBytes();
 }
 
 }  // namespace bigus

@@ -608,8 +608,8 @@ Json StandardErrorJson(double degrees, const Json& scene, const SceneFolders& fo
   std::vector<int> all(turned ? turned->NumberOfFrames() : 0);
   std::iota(all.begin(), all.end(), 0);
   const SlicePlane plane = sweep.Plane(0);
-  return ToJson(turned ? ScoreStandardError(error, *method.field, *turned, all, method.engine)
-                       : ScoreStandardError(error, *method.field, sweep, split.heldOut, method.engine),
+  return ToJson(ScoreStandardError(error, *method.field, turned ? *turned : sweep, turned ? all : split.heldOut,
+                                   method.engine, method.training->view ? &*method.training->view : nullptr),
                 std::sqrt(plane.columnStep.cross(plane.rowStep).norm()));
 }
 

@@ -681,25 +681,25 @@ VOLUME_VOXELS, PHANTOM_VOXELS = (0.6, 0.9, 1.2), (0.3, 0.4, 0.6, 0.8, 1)
 def e11_jobs(scale):
     jobs = []
 
-    def add(name, scene, every, frames, count, voxels, sets, seconds):
+    def add(name, scene, every, frames, voxels, sets, seconds):
         def row(title, method, seconds, priority=1, **more):
             jobs.append(scale.job(scene, frames, method, {"scene": name, "every": every, "method": title}, seconds,
                                   priority, score=["held_out", *sets], **more))
-        row("BIGUS", auto(count), seconds, 1 if every in ("", 4) else 2)
+        row("BIGUS", auto(), seconds, 1 if every in ("", 4) else 2)
         for title, method in ANY_PLANE.items():
             row(title, method, 6)
         for voxel in voxels:
             row(f"compounding, {voxel} mm", {"name": "compounding", "voxel_size": voxel}, 4)
         if name == "liver volume" and every == 4:
-            row(f"BIGUS, {PEER_SECONDS} s", auto(count, time_limit=PEER_SECONDS), PEER_SECONDS + 8, 2)
+            row(f"BIGUS, {PEER_SECONDS} s", auto(time_limit=PEER_SECONDS), PEER_SECONDS + 8, 2)
             row(f"hash-grid network, {PEER_SECONDS} s", {"name": "hash_grid", "time_limit": PEER_SECONDS},
                 PEER_SECONDS + 60, 2, program="hash-grid")
 
     for name, scene in volumes(scale).items():
         for every in (2, 4, 8):
-            add(name, scene, every, {"every": every}, 140000, VOLUME_VOXELS, VOLUME_PLANES, 140)
+            add(name, scene, every, {"every": every}, VOLUME_VOXELS, VOLUME_PLANES, 140)
     for probe in ("linear", "convex"):
-        add(f"phantom, {probe}", scale.phantom(probe=probe), "", {"hold_out": 4}, 60000, PHANTOM_VOXELS,
+        add(f"phantom, {probe}", scale.phantom(probe=probe), "", {"hold_out": 4}, PHANTOM_VOXELS,
             [*TURNED_FRAMES, "cross"], 110)
     for name in ("liver, half", "brain, half", "spine, half"):
         scene, frames, counts = sweeps(scale)[name]
