@@ -135,7 +135,7 @@ public:
   vtkBigusNumberOptionMacro(MaximumGaussians, vtkIdType);
   /**
    * What twice the Gaussians must gain at a plane at random to be chosen, PSNR; less: more Gaussians, time and bytes.
-   * Values: 0 to 100 dB. Default: 0.3.
+   * Values: 0 to 100 dB. Default: 0.1.
    */
   vtkBigusNumberOptionMacro(Price, double);
   /**

@@ -222,7 +222,7 @@ Decision DecideBeam(State& state, const Sweep& sweep, const std::vector<int>& fr
 }
 
 /// Doubles while that gains its price at a plane at random, else halves while that loses next to nothing there. Amid gaps,
-/// where a field that is too large errs, little may be lost either way.
+/// where a field that is too large errs, little may be lost either way, or less than is gained at random.
 Decision DecideGaussians(State& state)
 {
   if (state.asked.gaussians)
@@ -232,13 +232,14 @@ Decision DecideGaussians(State& state)
   const Stopwatch watch;
   std::string evidence;
   const double passes = state.plan.sparse ? kTrialPasses : kLongTrialPasses;
-  const auto take = [&](std::size_t count, double least, double mayLose)
+  const auto take = [&](std::size_t count, double least, double little)
   {
     TrainingPlan candidate = state.plan;
     candidate.gaussians = count;
     return Try(
         state, candidate, std::to_string(count) + " instead of " + std::to_string(state.plan.gaussians), evidence,
-        [&](const Gain& gain) { return gain.anywhere > least && gain.mean > -mayLose; }, passes);
+        [&](const Gain& gain) { return gain.anywhere > least && gain.mean > -std::max(little, gain.anywhere); },
+        passes);
   };
   bool grew = false;
   while (2 * state.plan.gaussians <= state.plan.maximumGaussians &&

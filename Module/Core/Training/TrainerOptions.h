@@ -62,7 +62,7 @@ struct TrainerOptions : TrainingSettings
   std::optional<double> poseSmoothing;   ///< strength, 0 to 1000, in units of the tracker's noise; 0: none; decided
   std::optional<std::size_t> gaussians;  ///< seeds, 1 to 2^26; decided
   std::optional<std::size_t> maximumGaussians;  ///< the most that `automatic` chooses, 1 to 2^26; one for 4 lit pixels
-  double price = 0.3;                         ///< dB at a plane at random that twice the Gaussians must gain, 0 to 100
+  double price = 0.1;                         ///< dB at a plane at random that twice the Gaussians must gain, 0 to 100
   std::optional<double> elevationSigma;       ///< mm, 0 to 1000: Beam::elevationSigma
   std::optional<double> probeElevationSigma;  ///< mm, 0 to 1000: Beam::probeElevationSigma; measured where it can be
   /// Echoes that change with the direction they are seen from (Model/ViewDependence.md); decided by recorded frames
