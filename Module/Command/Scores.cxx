@@ -257,9 +257,8 @@ Json ToJson(const StandardErrorScores& scores)
 
 void ScoreStandardError(const StandardError& standardError, const TrainedField& trained, Json& answer, Console& console)
 {
-  const StandardErrorReport report =
-      bigus::ScoreStandardError(standardError, trained.field, trained.corrected, trained.heldOut, trained.engine,
-                                  trained.view);
+  const StandardErrorReport report = bigus::ScoreStandardError(standardError, trained.field, trained.corrected,
+                                                               trained.heldOut, trained.engine, trained.view);
   Json& json = answer["standard_error"];
   json.update(ToJson(report.model));
   json["rmse"] = report.rmse;
