@@ -247,9 +247,7 @@ TEST(Labels, AShareIsTheRatioOfTwoSums)
   plane.width = plane.height = 14;
 
   const auto engine = Engine::Create("cpu");
-  GaussianField raised = field;
-  raised.reflectivities = labels.Raised(0);
-  engine->SetField(raised);
+  engine->SetField(labels.CarriersOf(field, 7));
   engine->SetAccuracy({0});
   std::vector<float> share(plane.NumberOfPixels());
   ShareOf(PlanesOn(*engine, ViewOutput::Scattering))({plane}, {0, 0, 14, 14}, share.data(), nullptr);

@@ -45,11 +45,9 @@ struct FieldLabels
   /// The field's Gaussians and the further ones, [N + M], all of reflectivity 1, under the field's beam.
   GaussianField Carriers(const GaussianField& field) const;
 
-  /// The same, of which ShareOf shows the label of this value. Throws Error where there is none.
+  /// The same of reflectivities 1 + w, which give a Gaussian the same footprint whatever it has of the label of this value:
+  /// ShareOf shows it. Throws Error where there is none.
   GaussianField CarriersOf(const GaussianField& field, int value) const;
-
-  /// [N + M] 1 + w of one label: as reflectivities they give a Gaussian the same footprint whatever it has of the label.
-  std::vector<double> Raised(std::size_t label) const;
 };
 
 /// The labels of Transformed(field, transform).

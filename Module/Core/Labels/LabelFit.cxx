@@ -27,14 +27,7 @@ constexpr double kTolerance = 1e-3;
 
 constexpr float kFade = 4;   // pixels on either side of a border over which a label fades
 constexpr float kReach = 8;  // pixels up to which distances count: a label that ends between frames does so as gently
-constexpr double kFollowed = 16;        // pixels up to which distances tell how a shape has moved from frame to frame
-constexpr double kFollowPyramid = 0.5;  // a level of the pyramid over the one before
-constexpr int kFollowLevels = 4;
-constexpr int kFollowWindow = 31;  // pixels
-constexpr int kFollowIterations = 5;
-constexpr int kFollowPolynomialSize = 7;  // pixels; with the next the pair that OpenCV recommends
-constexpr double kFollowPolynomialWidth = 1.5;
-
+constexpr double kFollowed = 16;  // pixels up to which distances tell how a shape has moved from frame to frame
 constexpr double kFine = 2;       // pixels between further carriers along borders
 constexpr double kFinest = 0.7;   // the same where drawn frames lie closer
 constexpr double kCoarse = 4;     // times that, inside
@@ -93,39 +86,38 @@ PixelMoves MovesOf(const SlicePlane& from, const cv::Mat& distances, const Slice
                  cv::INTER_LINEAR | cv::WARP_INVERSE_MAP, cv::BORDER_REPLICATE);
   const cv::Mat here = bytesOf(distances);
   const cv::Rect box = cv::boundingRect(here | warped);
-  cv::calcOpticalFlowFarneback(here(box), warped(box), flow, kFollowPyramid, kFollowLevels, kFollowWindow,
-                               kFollowIterations, kFollowPolynomialSize, kFollowPolynomialWidth,
+  const int levels = 4, window = 31, iterations = 5, size = 7;  // size and width: the pair that OpenCV recommends
+  const double pyramid = 0.5, width = 1.5;
+  cv::calcOpticalFlowFarneback(here(box), warped(box), flow, pyramid, levels, window, iterations, size, width,
                                cv::OPTFLOW_FARNEBACK_GAUSSIAN);
   found = {box.x, box.y, box.width, box.height, {}};
   found.moves.assign(flow.ptr<float>(), flow.ptr<float>() + 2 * box.area());
   return found;
 }
 
-/// Where a shape goes that is `here` now and was `before`, as far away on the other side: along its moves, and thinner
-/// by as much as it has become since; it does not grow. `moves` gets those from `here` to `before`.
-cv::Mat GoneOn(const SlicePlane& plane, const cv::Mat& here, const SlicePlane& last, const cv::Mat& before,
-               PixelMoves& moves)
+/// Distances on the plane `of`, where pixels of `plane` come from by so many times their moves.
+cv::Mat AlongMoves(const SlicePlane& plane, const PixelMoves& moves, double times, const SlicePlane& of,
+                   const cv::Mat& distances)
 {
-  moves = MovesOf(plane, here, last, before);
-  if (moves.moves.empty())
+  const auto affine = AlongNormals(plane, of);
+  cv::Mat places(distances.size(), CV_32FC2), found;
+  for (int j = 0; j < places.rows; ++j)
   {
-    return here;
-  }
-  const auto affine = AlongNormals(plane, last);
-  cv::Mat once(here.size(), CV_32FC2), twice(here.size(), CV_32FC2), moved, was;
-  for (int j = 0; j < here.rows; ++j)
-  {
-    for (int i = 0; i < here.cols; ++i)
+    for (int i = 0; i < places.cols; ++i)
     {
-      const Eigen::Vector2d move = moves.At(i, j), from = Eigen::Vector2d(i, j) + move;
-      const Eigen::Vector2f source = (affine * (from + move).homogeneous()).cast<float>();
-      once.at<cv::Point2f>(j, i) = {static_cast<float>(from[0]), static_cast<float>(from[1])};
-      twice.at<cv::Point2f>(j, i) = {source[0], source[1]};
+      const Eigen::Vector2d from = affine * (Eigen::Vector2d(i, j) + times * moves.At(i, j)).homogeneous();
+      places.at<cv::Vec2f>(j, i) = cv::Vec2d(from[0], from[1]);
     }
   }
-  cv::remap(here, moved, once, {}, cv::INTER_LINEAR, cv::BORDER_REPLICATE);
-  cv::remap(before, was, twice, {}, cv::INTER_LINEAR, cv::BORDER_REPLICATE);
-  return cv::min(moved, 2 * moved - was);
+  cv::remap(distances, found, places, {}, cv::INTER_LINEAR, cv::BORDER_REPLICATE);
+  return found;
+}
+
+cv::Mat Smooth(const cv::Mat& picture)
+{
+  cv::Mat smooth;
+  cv::GaussianBlur(picture, smooth, {}, kReach);
+  return smooth;
 }
 
 /// A label's signed distances in its frames as a sweep to interpolate: 1/2 at a border, 0 and 1 kReach pixels away.
@@ -145,7 +137,7 @@ public:
       AddEnd(own.front(), own[own.size() > 1 ? 1 : 0], -1);
       for (const int frame : own)
       {
-        Add(place++, frame, Eigen::Vector3d::Zero());
+        Add(place++, frame, Eigen::Vector3d::Zero(), sweep.SequenceOf(frame));
       }
       AddEnd(own.back(), own[own.size() > 1 ? own.size() - 2 : 0], 1);
     }
@@ -227,9 +219,7 @@ public:
     std::vector<double> gaps;
     for (std::size_t f = 1; f < pictures_.size(); ++f)
     {
-      const Eigen::Vector3d away =
-          Centre(shapes_.Plane(static_cast<int>(f))) - Centre(shapes_.Plane(static_cast<int>(f - 1)));
-      gaps.push_back(away.norm());
+      gaps.push_back(Between(static_cast<int>(f), static_cast<int>(f - 1)));
     }
     std::sort(gaps.begin(), gaps.end());
     return Quantile(gaps, 0.5);
@@ -243,6 +233,8 @@ private:
     return plane.Point(0.5 * (plane.width - 1), 0.5 * (plane.height - 1));
   }
 
+  double Between(int f, int g) const { return (Centre(shapes_.Plane(f)) - Centre(shapes_.Plane(g))).norm(); }  // mm
+
   /// Behind the last frame (`side` 1) or before the first: one without a label, as far away as `next`, or as a label
   /// fades where there is no such. Where the sweep ends before another could have been drawn, nothing says that the
   /// label does, so twice as far, behind one on which it goes on.
@@ -254,24 +246,25 @@ private:
                                                : Eigen::Vector3d(Centre(plane) - Centre(sweep_.Plane(next)));
     const bool isCut =
         beyond < 0 || beyond >= sweep_.NumberOfFrames() || sweep_.SequenceOf(beyond) != sweep_.SequenceOf(frame);
-    const Eigen::Vector3d along = step.dot(plane.Normal()) * plane.Normal();
-    if (isCut && side > 0)
+    const int sequence = sweep_.SequenceOf(frame);
+    if (!isCut)
     {
-      Add(kGoesOn, frame, along);
+      return Add(kNoPicture, frame, step, sequence);
     }
-    Add(kNoPicture, frame, isCut ? Eigen::Vector3d(2 * step) : step);
-    if (isCut && side < 0)
+    // Of another sequence, what has no label ends it half way, but bends nothing before.
+    for (const bool isFar : {side == -1, side == 1})
     {
-      Add(kGoesOn, frame, along);
+      isFar ? Add(kNoPicture, frame, 2 * step, ~sequence)
+            : Add(kGoesOn, frame, step.dot(plane.Normal()) * plane.Normal(), sequence);
     }
   }
 
-  void Add(int picture, int frame, const Eigen::Vector3d& shift)
+  void Add(int picture, int frame, const Eigen::Vector3d& shift, int sequence)
   {
     pictures_.push_back(picture);
     shapes_.imageToReference.push_back(sweep_.imageToReference[frame]);
     shapes_.imageToReference.back().topRightCorner<3, 1>() += shift;
-    shapes_.sequences.push_back(sweep_.SequenceOf(frame));
+    shapes_.sequences.push_back(sequence);
   }
 
   /// Where the picture shows a label.
@@ -317,18 +310,34 @@ private:
     }
   }
 
-  /// Where a label goes on behind the end `f` of a sweep as it came; half way to none where only the last frame has it.
+  /// Where a label goes on behind the end `f` of a sweep: along its last moves, thinner by as much as it became, and by more
+  /// where that was on the rise. What grew does not go on growing. Half way to none where only the last frame has it.
   void FillEnd(const std::vector<cv::Mat>& shown, int f)
   {
     const int side = f > 0 && pictures_[f - 1] >= 0 ? -1 : 1, last = f + side, before = last + side;
-    if (shown[last].empty() || shown[before].empty())
+    const int first = std::clamp(before + side, 0, static_cast<int>(shown.size()) - 1);
+    PixelMoves& moves = moves_[std::min(f, last)];
+    if (!shown[last].empty() && !shown[before].empty())
+    {
+      moves = MovesOf(shapes_.Plane(last), shown[last], shapes_.Plane(before), shown[before]);
+    }
+    if (moves.moves.empty())
     {
       cv::Mat levels = LevelsOf(f);
       cv::addWeighted(LevelsOf(last), 0.5, LevelsOf(f - side), 0.5, 0, levels);
       return;
     }
-    PixelMoves& moves = moves_[std::min(f, last)];
-    SetLevels(f, GoneOn(shapes_.Plane(last), shown[last], shapes_.Plane(before), shown[before], moves));
+    const auto cameFrom = [&](double steps, int frame)
+    { return AlongMoves(shapes_.Plane(last), moves, steps, shapes_.Plane(frame), shown[frame]); };
+    const cv::Mat moved = cameFrom(1, last), was = cameFrom(2, before), change = Smooth(moved - was);
+    cv::Mat next = cv::min(change, 0);
+    const double gaps = Between(first, before) / Between(before, last);
+    if (!shown[first].empty() && gaps > 0.5 && gaps < 2)  // the slope that the parabola through the three ends with
+    {
+      const cv::Mat earlier = Smooth(was - cameFrom(2 + gaps, first)) / gaps;
+      next = cv::min(next, change + (change - earlier) / (1 + gaps));
+    }
+    SetLevels(f, moved + next);
     for (float& move : moves.moves)
     {
       move *= static_cast<float>(side);

@@ -41,27 +41,6 @@ GaussianField SomeOf(const GaussianField& carriers, const FieldLabels& labels, s
   return some;
 }
 
-/// The label that has the largest share in each pixel, or 0 where what no label has is more. `shares` [K][pixels].
-void MapLabels(const std::vector<Label>& labels, const float* shares, std::size_t pixels, std::uint8_t* map)
-{
-  for (std::size_t p = 0; p < pixels; ++p)
-  {
-    float largest = 0, sum = 0;
-    int value = 0;
-    for (std::size_t k = 0; k < labels.size(); ++k)
-    {
-      const float share = shares[k * pixels + p];
-      sum += share;
-      if (share > largest)
-      {
-        largest = share;
-        value = labels[k].value;
-      }
-    }
-    map[p] = static_cast<std::uint8_t>(largest >= 1 - sum ? value : 0);
-  }
-}
-
 /// What is measured of a label on a picture, in pixels.
 struct Extent
 {
@@ -177,18 +156,11 @@ GaussianField FieldLabels::CarriersOf(const GaussianField& field, int value) con
       std::find_if(labels.begin(), labels.end(), [value](const Label& label) { return label.value == value; });
   Require(found != labels.end(), "LabelValue: the field has no label of the value ", value, ".");
   GaussianField carriers = Carriers(field);
-  carriers.reflectivities = Raised(static_cast<std::size_t>(found - labels.begin()));
-  return carriers;
-}
-
-std::vector<double> FieldLabels::Raised(std::size_t label) const
-{
-  std::vector<double> raised(weights.size() / labels.size());
-  for (std::size_t i = 0; i < raised.size(); ++i)
+  for (std::size_t i = 0; i < carriers.Size(); ++i)
   {
-    raised[i] = 1.0 + weights[i * labels.size() + label];
+    carriers.reflectivities[i] = 1.0 + weights[i * labels.size() + static_cast<std::size_t>(found - labels.begin())];
   }
-  return raised;
+  return carriers;
 }
 
 FieldLabels Transformed(FieldLabels labels, const Eigen::Matrix4d& transform)
@@ -310,22 +282,30 @@ void LabelledField::Render(const SlicePlane& plane, const Engine::Window& window
       seen |= cv::boundingRect(cv::Mat(window.rows, window.columns, CV_32F, &shares[k * pixels]) > 0);
     }
   }
-  if (!seen.empty())
+  std::fill_n(map, pixels, std::uint8_t(0));
+  if (seen.empty())
   {
-    std::vector<float> covered(static_cast<std::size_t>(seen.area()));
-    all_->Render(plane, {window.firstColumn + seen.x, window.firstRow + seen.y, seen.width, seen.height},
-                 ViewOutput::Scattering, covered.data(), nullptr);
-    for (std::size_t p = 0; p < covered.size(); ++p)
+    return;
+  }
+  std::vector<float> covered(static_cast<std::size_t>(seen.area()));
+  all_->Render(plane, {window.firstColumn + seen.x, window.firstRow + seen.y, seen.width, seen.height},
+               ViewOutput::Scattering, covered.data(), nullptr);
+  for (std::size_t p = 0; p < covered.size(); ++p)
+  {
+    const std::size_t at = (seen.y + p / seen.width) * columns + seen.x + p % seen.width;
+    float largest = 0, sum = 0;
+    for (std::size_t k = 0; k < own_.size() && covered[p] > kSeen; ++k)
     {
-      const std::size_t at = (seen.y + p / seen.width) * columns + seen.x + p % seen.width;
-      for (std::size_t k = 0; k < own_.size(); ++k)
+      const float share = std::clamp(shares[k * pixels + at] / covered[p], 0.0f, 1.0f);
+      sum += share;
+      if (share > largest)
       {
-        float& share = shares[k * pixels + at];
-        share = covered[p] > kSeen ? std::clamp(share / covered[p], 0.0f, 1.0f) : 0.0f;
+        largest = share;
+        map[at] = static_cast<std::uint8_t>(labels_[k].value);
       }
     }
+    map[at] = largest >= 1 - sum ? map[at] : 0;
   }
-  MapLabels(labels_, shares.data(), pixels, map);
 }
 
 void LabelledField::Render(const GridPart& grid, std::uint8_t* map)
