@@ -4,7 +4,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numeric>
 #include <string>
 
 #include "Core/Model/Error.h"
@@ -45,12 +44,10 @@ void AddWeights(vtkDataArray* array, std::vector<float>& weights)
 std::vector<int> SourceFrames(vtkImageData* stack)
 {
   std::vector<int> numbers(static_cast<std::size_t>(stack->GetDimensions()[2]));
-  std::iota(numbers.begin(), numbers.end(), 0);
-  const auto count = static_cast<vtkIdType>(numbers.size());
-  if (vtkDataArray* const source = FindArray(stack->GetFieldData(), kOwner, kNumbers, 1, count, false))
+  vtkDataArray* const source = FindArray(stack->GetFieldData(), kOwner, kNumbers, 1, stack->GetDimensions()[2], false);
+  for (std::size_t k = 0; k < numbers.size(); ++k)
   {
-    std::transform(numbers.begin(), numbers.end(), numbers.begin(),
-                   [source](int k) { return static_cast<int>(source->GetTuple1(k)); });
+    numbers[k] = static_cast<int>(source ? source->GetTuple1(static_cast<vtkIdType>(k)) : static_cast<double>(k));
   }
   return numbers;
 }

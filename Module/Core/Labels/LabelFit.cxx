@@ -101,23 +101,14 @@ cv::Mat AlongMoves(const SlicePlane& plane, const PixelMoves& moves, double time
 {
   const auto affine = AlongNormals(plane, of);
   cv::Mat places(distances.size(), CV_32FC2), found;
-  for (int j = 0; j < places.rows; ++j)
+  for (int p = 0; p < plane.width * plane.height; ++p)
   {
-    for (int i = 0; i < places.cols; ++i)
-    {
-      const Eigen::Vector2d from = affine * (Eigen::Vector2d(i, j) + times * moves.At(i, j)).homogeneous();
-      places.at<cv::Vec2f>(j, i) = cv::Vec2d(from[0], from[1]);
-    }
+    const int i = p % plane.width, j = p / plane.width;
+    const Eigen::Vector2d from = affine * (Eigen::Vector2d(i, j) + times * moves.At(i, j)).homogeneous();
+    places.at<cv::Vec2f>(j, i) = cv::Vec2d(from[0], from[1]);
   }
   cv::remap(distances, found, places, {}, cv::INTER_LINEAR, cv::BORDER_REPLICATE);
   return found;
-}
-
-cv::Mat Smooth(const cv::Mat& picture)
-{
-  cv::Mat smooth;
-  cv::GaussianBlur(picture, smooth, {}, kReach);
-  return smooth;
 }
 
 /// A label's signed distances in its frames as a sweep to interpolate: 1/2 at a border, 0 and 1 kReach pixels away.
@@ -329,12 +320,14 @@ private:
     }
     const auto cameFrom = [&](double steps, int frame)
     { return AlongMoves(shapes_.Plane(last), moves, steps, shapes_.Plane(frame), shown[frame]); };
-    const cv::Mat moved = cameFrom(1, last), was = cameFrom(2, before), change = Smooth(moved - was);
+    cv::Mat moved = cameFrom(1, last), was = cameFrom(2, before), change = moved - was;
+    cv::GaussianBlur(change, change, {}, kReach);
     cv::Mat next = cv::min(change, 0);
     const double gaps = Between(first, before) / Between(before, last);
     if (!shown[first].empty() && gaps > 0.5 && gaps < 2)  // the slope that the parabola through the three ends with
     {
-      const cv::Mat earlier = Smooth(was - cameFrom(2 + gaps, first)) / gaps;
+      cv::Mat earlier = (was - cameFrom(2 + gaps, first)) / gaps;
+      cv::GaussianBlur(earlier, earlier, {}, kReach);
       next = cv::min(next, change + (change - earlier) / (1 + gaps));
     }
     SetLevels(f, moved + next);
@@ -355,17 +348,12 @@ private:
 /// The corners of a lattice over a box.
 std::vector<Eigen::Vector3d> LatticeOver(const Eigen::AlignedBox3d& box, double step)
 {
-  const Eigen::Array3d counts = (box.sizes().array() / step).floor();
-  std::vector<Eigen::Vector3d> points;
-  for (double k = 0; k <= counts[2]; ++k)
+  const Eigen::Array<std::int64_t, 3, 1> counts = (box.sizes().array() / step).cast<std::int64_t>() + 1;
+  std::vector<Eigen::Vector3d> points(static_cast<std::size_t>(counts.prod()));
+  for (std::int64_t at = 0; at < counts.prod(); ++at)
   {
-    for (double j = 0; j <= counts[1]; ++j)
-    {
-      for (double i = 0; i <= counts[0]; ++i)
-      {
-        points.push_back(box.min() + step * Eigen::Vector3d(i, j, k));
-      }
-    }
+    points[at] =
+        box.min() + step * Eigen::Vector3d(at % counts[0], at / counts[0] % counts[1], at / counts[0] / counts[1]);
   }
   return points;
 }

@@ -5,7 +5,6 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <numeric>
 #include <opencv2/imgproc.hpp>
 
 #include "Core/Model/Error.h"
@@ -64,17 +63,17 @@ void Measure(const std::vector<SlicePlane>& planes, const std::uint8_t* shown, c
              LabelScore& score)
 {
   double lengths = 0, areas = 0, count = 0;
+  double most = 0;
   std::vector<Extent> is;
   for (const SlicePlane& plane : planes)
   {
     is.push_back(ExtentOf(plane, truth, score.label.value));
+    most = std::max(most, is.back().area);
     truth += plane.NumberOfPixels();
   }
-  const auto largest =
-      std::max_element(is.begin(), is.end(), [](const Extent& a, const Extent& b) { return a.area < b.area; });
   for (std::size_t k = 0; k < planes.size(); shown += planes[k++].NumberOfPixels())
   {
-    if (is[k].area > 0 && is[k].area >= 0.5 * largest->area)
+    if (is[k].area > 0 && is[k].area >= 0.5 * most)
     {
       const Extent told = ExtentOf(planes[k], shown, score.label.value);
       const double pixel = planes[k].PixelSize(), off = pixel * (told.area - is[k].area) / is[k].outline;
@@ -213,14 +212,15 @@ void LabelFrames::Validate(const Sweep& sweep) const
 std::vector<int> LabelFrames::Drawn() const
 {
   const std::size_t n = frames.empty() ? 0 : pixels.size() / frames.size();
-  std::vector<int> drawn, all(frames.size());
-  std::iota(all.begin(), all.end(), 0);
-  std::copy_if(all.begin(), all.end(), std::back_inserter(drawn),
-               [&](int place)
-               {
-                 const auto first = pixels.begin() + n * place;
-                 return std::count(first, first + n, 0) < static_cast<std::ptrdiff_t>(n);
-               });
+  std::vector<int> drawn, all;
+  for (auto first = pixels.begin(); all.size() < frames.size(); first += n)
+  {
+    all.push_back(static_cast<int>(all.size()));
+    if (std::any_of(first, first + n, [](std::uint8_t value) { return value != 0; }))
+    {
+      drawn.push_back(all.back());
+    }
+  }
   return !drawn.empty() && 2 * drawn.size() < static_cast<std::size_t>(drawn.back() - drawn.front() + 1) ? drawn : all;
 }
 

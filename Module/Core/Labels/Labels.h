@@ -77,9 +77,8 @@ public:
 
 private:
   std::vector<Label> labels_;
-  std::unique_ptr<Engine> all_;  // of reflectivity 1
-  std::vector<std::unique_ptr<Engine>>
-      own_;  // [labels] the carriers that have some of it, of that reflectivity; null: none
+  std::unique_ptr<Engine> all_;               // of reflectivity 1
+  std::vector<std::unique_ptr<Engine>> own_;  // [labels] those that have some of it, of that reflectivity; null: none
 };
 
 /// Dice 2 |A and B| / (|A| + |B|) of one label over all pictures; 1 where neither has it.
