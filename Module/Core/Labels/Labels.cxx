@@ -62,8 +62,7 @@ Extent ExtentOf(const SlicePlane& plane, const std::uint8_t* map, int value)
 void Measure(const std::vector<SlicePlane>& planes, const std::uint8_t* shown, const std::uint8_t* truth,
              LabelScore& score)
 {
-  double lengths = 0, areas = 0, count = 0;
-  double most = 0;
+  double lengths = 0, areas = 0, count = 0, most = 0;
   std::vector<Extent> is;
   for (const SlicePlane& plane : planes)
   {
