@@ -25,9 +25,7 @@ ViewBox BoxOfField(vtkPolyData* field, const Sweep* sweep)
   if (sweep)
   {
     const SlicePlane middle = sweep->Plane(sweep->NumberOfFrames() / 2);
-    box.axes.col(0) = middle.columnStep.normalized();
-    box.axes.col(2) = middle.Normal();
-    box.axes.col(1) = box.axes.col(2).cross(box.axes.col(0));
+    box.axes = AxesOf(middle);
     box.origin = middle.Point(0.5 * (sweep->width - 1), 0);
   }
   const vtkIdType count = field->GetNumberOfPoints();

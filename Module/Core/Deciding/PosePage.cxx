@@ -11,7 +11,6 @@
 #include "Core/Numerics/Drawing.h"
 #include "Core/Numerics/Format.h"
 #include "Core/Numerics/OpenCv.h"
-#include "Core/Poses/Alignment.h"
 
 namespace bigus
 {

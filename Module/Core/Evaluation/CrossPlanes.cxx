@@ -134,7 +134,7 @@ std::vector<CrossPlane> MakeCrossPlanes(const Sweep& sweep, const std::vector<in
   double first = 0, last = 0;  // mm along the normal
   for (std::ptrdiff_t k = 0; k < static_cast<std::ptrdiff_t>(frames.size()); ++k)
   {
-    const Eigen::Vector3d centre = sweep.Plane(frames[k]).Point(0.5 * (sweep.width - 1), 0.5 * (sweep.height - 1));
+    const Eigen::Vector3d centre = CentreOf(sweep.Plane(frames[k]));
     const double z = normal.dot(centre - middle.origin);
     if (std::abs(z) <= longest * static_cast<double>(std::abs(k - half)))
     {

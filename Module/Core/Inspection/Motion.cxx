@@ -8,7 +8,6 @@
 #include "Core/Inspection/Rules.h"
 #include "Core/Numerics/Format.h"
 #include "Core/Numerics/Statistics.h"
-#include "Core/Poses/Alignment.h"
 
 namespace bigus
 {

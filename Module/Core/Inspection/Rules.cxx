@@ -45,11 +45,6 @@ constexpr double kLittleNoise = 0.5;  // of the usual change, in a frozen pictur
 
 constexpr double kSameLength = 1e-9;  // share of a path's length: a sweep listed backwards has the same
 
-Eigen::Vector3d CentreOf(const Sweep& sweep, int frame)
-{
-  return sweep.Plane(frame).Point(0.5 * (sweep.width - 1), 0.5 * (sweep.height - 1));
-}
-
 /// How far the means of the two halves of a stretch lie apart, and how far frames lie from the mean of their half, mm.
 struct Drift
 {
@@ -68,12 +63,12 @@ Drift DriftOf(const Sweep& sweep, const std::vector<int>& frames, std::size_t fi
     Eigen::Vector3d sum = Eigen::Vector3d::Zero();
     for (std::size_t k = halves[half][0]; k < halves[half][1]; ++k)
     {
-      sum += CentreOf(sweep, frames[k]);
+      sum += CentreOf(sweep.Plane(frames[k]));
     }
     means[half] = sum / static_cast<double>(halves[half][1] - halves[half][0]);
     for (std::size_t k = halves[half][0]; k < halves[half][1]; ++k)
     {
-      squares += (CentreOf(sweep, frames[k]) - means[half]).squaredNorm();
+      squares += (CentreOf(sweep.Plane(frames[k])) - means[half]).squaredNorm();
     }
   }
   return {0.5 * (means[0] + means[1]), (means[1] - means[0]).norm(),
@@ -371,7 +366,7 @@ Still FindStill(const Sweep& sweep, const Pictures& pictures, const std::vector<
       continue;
     }
     std::size_t kept = first;  // of a frozen picture the first, which was taken where it says
-    const auto distance = [&](std::size_t place) { return (CentreOf(sweep, frames[place]) - drift.mean).norm(); };
+    const auto distance = [&](std::size_t place) { return (CentreOf(sweep.Plane(frames[place])) - drift.mean).norm(); };
     for (std::size_t k = first; k <= last && !drifts; ++k)
     {
       kept = distance(k) < distance(kept) ? k : kept;

@@ -49,4 +49,18 @@ void SlicePlane::Validate(const std::string& what) const
           ": the image's rows and columns are parallel, so the pose is singular.");
 }
 
+Eigen::Matrix3d AxesOf(const SlicePlane& plane)
+{
+  Eigen::Matrix3d axes;
+  axes.col(0) = plane.columnStep.normalized();
+  axes.col(2) = plane.Normal();
+  axes.col(1) = axes.col(2).cross(axes.col(0));
+  return axes;
+}
+
+Eigen::Vector3d CentreOf(const SlicePlane& plane)
+{
+  return plane.Point(0.5 * (plane.width - 1), 0.5 * (plane.height - 1));
+}
+
 }  // namespace bigus

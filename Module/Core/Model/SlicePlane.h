@@ -49,4 +49,10 @@ struct SlicePlane
   void Validate(const std::string& what) const;
 };
 
+/// An orthonormal frame of the plane: along its rows, in the plane across them, along its normal.
+Eigen::Matrix3d AxesOf(const SlicePlane& plane);
+
+/// The middle of the plane's pixels.
+Eigen::Vector3d CentreOf(const SlicePlane& plane);
+
 }  // namespace bigus

@@ -30,7 +30,7 @@ constexpr double kTwoSpeeds = 3;
 constexpr double kLocalBreak = 4;  // usual gaps around it: longer ones are not part of the path
 constexpr std::ptrdiff_t kAround = 5;
 
-double Median(std::vector<double> values)
+double MedianGap(std::vector<double> values)
 {
   std::sort(values.begin(), values.end());
   return values.empty() ? 0 : values[values.size() / 2];
@@ -39,7 +39,7 @@ double Median(std::vector<double> values)
 double MedianOfSome(std::vector<double> values)
 {
   constexpr std::size_t kFewest = 3;
-  return values.size() < kFewest ? 0 : Median(std::move(values));
+  return values.size() < kFewest ? 0 : MedianGap(std::move(values));
 }
 
 /// The gap below which half of the path lies, without gaps that are breaks.
@@ -48,8 +48,8 @@ double MedianAlongPath(const std::vector<double>& gaps)
   std::vector<double> along;
   for (auto gap = gaps.begin(); gap != gaps.end(); ++gap)
   {
-    const double before = Median({gap - std::min(kAround, gap - gaps.begin()), gap});
-    const double after = Median({gap + 1, gap + 1 + std::min(kAround, gaps.end() - gap - 1)});
+    const double before = MedianGap({gap - std::min(kAround, gap - gaps.begin()), gap});
+    const double after = MedianGap({gap + 1, gap + 1 + std::min(kAround, gaps.end() - gap - 1)});
     if (*gap <= kLocalBreak * std::max(before, after))
     {
       along.push_back(*gap);
@@ -104,7 +104,7 @@ bool Meet(const SlicePlane& a, const SlicePlane& b)
 
 double UsualStep(const std::vector<double>& steps)
 {
-  const double median = Median(steps), along = MedianAlongPath(steps);
+  const double median = MedianGap(steps), along = MedianAlongPath(steps);
   return along > kTwoSpeeds * median ? along : median;
 }
 

@@ -25,15 +25,6 @@ constexpr double kUsualReach = 1.5;            // steps, of planes that say what
 constexpr double kWhole = 2, kFade = 2;        // steps up to which a = 1, and from there to 0
 constexpr double kRotation = 1e-5;             // by which a matrix in a file may be no rotation
 
-Eigen::Matrix3d PlaneAxes(const SlicePlane& plane)
-{
-  Eigen::Matrix3d axes;
-  axes.col(0) = plane.columnStep.normalized();
-  axes.col(2) = plane.Normal();
-  axes.col(1) = axes.col(2).cross(axes.col(0));
-  return axes;
-}
-
 Eigen::Matrix3d NearestRotation(const Eigen::Matrix3d& matrix)
 {
   const Eigen::JacobiSVD<Eigen::Matrix3d> parts(matrix, Eigen::ComputeFullU | Eigen::ComputeFullV);
@@ -79,8 +70,8 @@ RecordedViews RecordedViews::Of(const Sweep& sweep, const std::vector<int>& fram
   {
     const SlicePlane plane = sweep.Plane(frames[k]);
     Eigen::Matrix4d pose = Eigen::Matrix4d::Identity();
-    pose.topLeftCorner<3, 3>() = PlaneAxes(plane);
-    pose.topRightCorner<3, 1>() = plane.Point(0.5 * (plane.width - 1), 0.5 * (plane.height - 1));
+    pose.topLeftCorner<3, 3>() = AxesOf(plane);
+    pose.topRightCorner<3, 1>() = CentreOf(plane);
     sum += pose.topLeftCorner<3, 3>();
     if (k > 0 && sweep.SequenceOf(frames[k - 1]) == sweep.SequenceOf(frames[k]))
     {
@@ -103,12 +94,12 @@ RecordedViews RecordedViews::Of(const Sweep& sweep, const std::vector<int>& fram
 
 Eigen::Vector3d RecordedViews::Direction(const SlicePlane& plane) const
 {
-  return Logarithm(mean.transpose() * PlaneAxes(plane)) / unit;
+  return Logarithm(mean.transpose() * AxesOf(plane)) / unit;
 }
 
 double RecordedViews::Turn(const SlicePlane& plane) const
 {
-  const Eigen::Matrix3d axes = PlaneAxes(plane);
+  const Eigen::Matrix3d axes = AxesOf(plane);
   double least = std::numeric_limits<double>::infinity();
   for (const Eigen::Matrix4d& pose : poses)
   {
@@ -119,7 +110,7 @@ double RecordedViews::Turn(const SlicePlane& plane) const
 
 double RecordedViews::Distance(const SlicePlane& plane) const
 {
-  const Eigen::Matrix3d axes = PlaneAxes(plane);
+  const Eigen::Matrix3d axes = AxesOf(plane);
   double least = std::numeric_limits<double>::infinity();
   for (const Eigen::Matrix4d& pose : poses)
   {

@@ -50,6 +50,14 @@ inline double RatioOrInfinity(double numerator, double denominator)
   return numerator == 0 ? 0 : std::numeric_limits<double>::infinity();
 }
 
+/// Of an even number of values the upper of the two in the middle; 0 for no values.
+inline double Median(std::vector<double> values)
+{
+  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+  std::nth_element(values.begin(), middle, values.end());
+  return values.empty() ? 0 : *middle;
+}
+
 /// Linear between the order statistics, which lie at 0, 1 / (n - 1), ... 1; `sorted` is ascending and not empty.
 inline double Quantile(const std::vector<double>& sorted, double share)
 {

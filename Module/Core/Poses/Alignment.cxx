@@ -169,20 +169,6 @@ private:
 
 }  // namespace
 
-Eigen::Matrix3d AxesOf(const SlicePlane& plane)
-{
-  Eigen::Matrix3d axes;
-  axes.col(0) = plane.columnStep.normalized();
-  axes.col(2) = plane.Normal();
-  axes.col(1) = axes.col(2).cross(axes.col(0));
-  return axes;
-}
-
-Eigen::Vector3d CentreOf(const SlicePlane& plane)
-{
-  return plane.Point(0.5 * (plane.width - 1), 0.5 * (plane.height - 1));
-}
-
 SlicePlane Moved(const SlicePlane& plane, const Eigen::Vector3d& translation, const Eigen::Vector3d& rotation)
 {
   const Eigen::Matrix3d axes = AxesOf(plane);

@@ -13,12 +13,6 @@
 namespace bigus
 {
 
-/// An orthonormal frame of the plane: along its rows, in the plane across them, along its normal.
-Eigen::Matrix3d AxesOf(const SlicePlane& plane);
-
-/// The middle of the plane's pixels.
-Eigen::Vector3d CentreOf(const SlicePlane& plane);
-
 /// `plane` turned by `rotation` about its centre and then shifted by `translation`, both in the plane's own axes: along
 /// its rows, across them in the plane, along its normal. translation in mm, rotation a rotation vector (axis times
 /// angle) in degrees.

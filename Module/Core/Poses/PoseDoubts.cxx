@@ -8,7 +8,6 @@
 #include "Core/Model/SlicePlane.h"
 #include "Core/Numerics/Constants.h"
 #include "Core/Numerics/Format.h"
-#include "Core/Poses/Alignment.h"
 
 namespace bigus
 {

@@ -34,12 +34,7 @@ Eigen::Matrix3Xd Corners(const std::vector<Eigen::Matrix4d>& poses, int width, i
 
 Eigen::Matrix3d AxesOf(const Eigen::Matrix4d& pose)
 {
-  const SlicePlane plane = SlicePlane::FromImageToReference(pose, 1, 1);
-  Eigen::Matrix3d axes;
-  axes.col(0) = plane.columnStep.normalized();
-  axes.col(2) = plane.Normal();
-  axes.col(1) = axes.col(2).cross(axes.col(0));
-  return axes;
+  return bigus::AxesOf(SlicePlane::FromImageToReference(pose, 1, 1));
 }
 
 }  // namespace

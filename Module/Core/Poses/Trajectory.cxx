@@ -18,7 +18,7 @@
 #include "Core/Model/SweepGeometry.h"
 #include "Core/Numerics/Constants.h"
 #include "Core/Numerics/SmoothingSpline.h"
-#include "Core/Poses/Alignment.h"
+#include "Core/Numerics/Statistics.h"
 
 namespace bigus
 {
@@ -77,13 +77,6 @@ struct Pose
   Eigen::Matrix3d axes;  // along the rows, across them in the plane, along the normal
   Eigen::Vector3d centre;
 };
-
-double Median(std::vector<double> values)
-{
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
 
 /// What is smoothed: all poses, and when they were taken.
 struct Path
@@ -267,7 +260,7 @@ Eigen::Vector3d PivotOf(const Path& path)
   std::vector<double> sizes;
   for (int round = 0; round < kRounds; ++round)
   {
-    const double typical = sizes.empty() ? 0.0 : Median(sizes);
+    const double typical = Median(sizes);
     if (round > 0 && !(typical > 0))
     {
       break;

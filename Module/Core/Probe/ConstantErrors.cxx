@@ -24,6 +24,7 @@
 #include "Core/Numerics/Format.h"
 #include "Core/Numerics/LevenbergMarquardt.h"
 #include "Core/Numerics/Random.h"
+#include "Core/Numerics/Statistics.h"
 #include "Core/Poses/Alignment.h"
 #include "Core/Poses/PoseError.h"
 
@@ -72,16 +73,6 @@ Eigen::Matrix3d RotationBy(const Eigen::Vector3d& vector)
 {
   const double angle = vector.norm();
   return angle > 0 ? Eigen::AngleAxisd(angle, vector / angle).toRotationMatrix() : Eigen::Matrix3d::Identity();
-}
-
-double Median(std::vector<double> values)
-{
-  if (values.empty())
-  {
-    return 0;
-  }
-  std::nth_element(values.begin(), values.begin() + values.size() / 2, values.end());
-  return values[values.size() / 2];
 }
 
 // ---- The path ----

@@ -15,7 +15,6 @@
 #include "Core/Metrics/Metrics.h"
 #include "Core/Model/Error.h"
 #include "Core/Model/Sequences.h"
-#include "Core/Poses/Alignment.h"
 
 namespace bigus
 {
@@ -190,8 +189,7 @@ Views ViewsAlongNormals(const Sweep& sweep, const std::array<int, kFrames>& fram
 /// Frames pixel for pixel, at the distances of their centres.
 Views ViewsAlongProbe(const Sweep& sweep, const std::array<int, kFrames>& frames, double share)
 {
-  const auto centre = [&](int k)
-  { return sweep.Plane(frames[k]).Point(0.5 * (sweep.width - 1), 0.5 * (sweep.height - 1)); };
+  const auto centre = [&](int k) { return CentreOf(sweep.Plane(frames[k])); };
   const double gap = (centre(kSecond) - centre(kFirst)).norm();
   const auto gaps = [&](int a, int b) { return gap > 0 ? (centre(a) - centre(b)).norm() / gap : 1; };
   Views views;
@@ -713,12 +711,7 @@ std::optional<double> ScoreInterpolation(const Sweep& sweep, const std::vector<i
   {
     const std::size_t k = inner[(2 * n + 1) * inner.size() / (2 * scored)];
     const SlicePlane plane = sweep.Plane(frames[k]);
-    const auto distance = [&](int other)
-    {
-      const SlicePlane from = sweep.Plane(other);
-      const double i = 0.5 * (plane.width - 1), j = 0.5 * (plane.height - 1);
-      return (plane.Point(i, j) - from.Point(i, j)).norm();
-    };
+    const auto distance = [&](int other) { return (CentreOf(plane) - CentreOf(sweep.Plane(other))).norm(); };
     const double u = distance(frames[k - 1]), v = distance(frames[k + 1]);
     std::vector<float> image(sweep.PixelsPerFrame()), truth(image.size());
     std::vector<int> others = frames;

@@ -16,7 +16,6 @@
 #include "Core/Model/Error.h"
 #include "Core/Model/Sequences.h"
 #include "Core/Numerics/Statistics.h"
-#include "Core/Poses/Alignment.h"
 #include "Core/Training/SeedShapes.h"
 
 namespace bigus

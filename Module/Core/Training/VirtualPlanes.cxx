@@ -11,7 +11,6 @@
 
 #include "Core/Model/PixelMemory.h"
 #include "Core/Model/SweepGeometry.h"
-#include "Core/Poses/Alignment.h"
 
 namespace bigus
 {
