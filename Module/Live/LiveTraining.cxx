@@ -96,14 +96,6 @@ Sweep ToSweep(const std::deque<LiveFrame>& frames, std::size_t first)
   return sweep;
 }
 
-void Append(const GaussianField& more, GaussianField& field)
-{
-  field.means.insert(field.means.end(), more.means.begin(), more.means.end());
-  field.scales.insert(field.scales.end(), more.scales.begin(), more.scales.end());
-  field.rotations.insert(field.rotations.end(), more.rotations.begin(), more.rotations.end());
-  field.reflectivities.insert(field.reflectivities.end(), more.reflectivities.begin(), more.reflectivities.end());
-}
-
 /// Whether something is known of what lies between a frame and the next.
 bool IsGapFilled(const Sweep& sweep, int frame, double usualGap)
 {
@@ -283,7 +275,7 @@ void LiveTraining::Absorb()
     Pause();
     std::vector<int> parents(field.Size() + seeds.Size(), -1);
     std::iota(parents.begin(), parents.begin() + static_cast<std::ptrdiff_t>(field.Size()), 0);
-    Append(seeds, field);
+    field.Append(seeds);
     engine_->SetField(field, &parents);
   }
   else if (!HasField())

@@ -66,22 +66,6 @@ std::vector<Value> GatherInPlace(Exchange& exchange, const std::vector<Value>& m
   return whole;
 }
 
-GaussianField Pick(const GaussianField& field, const Places& places)
-{
-  GaussianField part;
-  part.beam = field.beam;
-  part.transfer = field.transfer;
-  part.Resize(places.size());
-  for (std::size_t k = 0; k < places.size(); ++k)
-  {
-    part.means[k] = field.means[places[k]];
-    part.scales[k] = field.scales[places[k]];
-    part.rotations[k] = field.rotations[places[k]];
-    part.reflectivities[k] = field.reflectivities[places[k]];
-  }
-  return part;
-}
-
 class PartEngine final : public Engine, public ViewEngine
 {
 public:
@@ -110,7 +94,7 @@ public:
     if (!parents)
     {
       places_ = std::move(places);
-      own_->SetField(Pick(field, places_));
+      own_->SetField(field.Pick(places_));
       return;
     }
     std::vector<int> ownParents;
@@ -123,7 +107,7 @@ public:
       ownParents.push_back(isHere ? static_cast<int>(parent - places_.begin()) : -1);
     }
     places_ = std::move(places);
-    own_->SetField(Pick(field, places_), &ownParents);
+    own_->SetField(field.Pick(places_), &ownParents);
   }
 
   GaussianField GetField() const override { return Gather(GetPart()); }

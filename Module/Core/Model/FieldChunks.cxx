@@ -73,17 +73,7 @@ std::vector<std::size_t> GaussiansOf(std::size_t gaussians, FieldChunks& chunks)
 
 GaussianField PartOf(const GaussianField& field, FieldChunks& chunks)
 {
-  GaussianField part;
-  part.beam = field.beam;
-  part.transfer = field.transfer;
-  for (const std::size_t i : GaussiansOf(field.Size(), chunks))
-  {
-    part.means.push_back(field.means[i]);
-    part.scales.push_back(field.scales[i]);
-    part.rotations.push_back(field.rotations[i]);
-    part.reflectivities.push_back(field.reflectivities[i]);
-  }
-  return part;
+  return field.Pick(GaussiansOf(field.Size(), chunks));
 }
 
 ViewDependence PartOf(const ViewDependence& view, FieldChunks& chunks)

@@ -50,19 +50,15 @@ GaussianField Transformed(GaussianField field, const Eigen::Matrix4d& transform)
 
 void Keep(GaussianField& field, const std::function<bool(std::size_t)>& isKept)
 {
-  std::size_t kept = 0;
+  std::vector<std::size_t> kept;
   for (std::size_t i = 0; i < field.Size(); ++i)
   {
     if (isKept(i))
     {
-      field.means[kept] = field.means[i];
-      field.scales[kept] = field.scales[i];
-      field.rotations[kept] = field.rotations[i];
-      field.reflectivities[kept] = field.reflectivities[i];
-      ++kept;
+      kept.push_back(i);
     }
   }
-  field.Resize(kept);
+  field = field.Pick(kept);
 }
 
 std::string TransformText(const std::string& before, const Eigen::Matrix4d& transform)

@@ -30,6 +30,15 @@ void GaussianField::Resize(std::size_t n)
   reflectivities.resize(n, 0.0);
 }
 
+void GaussianField::Append(const GaussianField& more)
+{
+  const auto append = [](auto& to, const auto& from) { to.insert(to.end(), from.begin(), from.end()); };
+  append(means, more.means);
+  append(scales, more.scales);
+  append(rotations, more.rotations);
+  append(reflectivities, more.reflectivities);
+}
+
 void GaussianField::Validate() const
 {
   const std::size_t n = means.size();

@@ -40,6 +40,27 @@ struct GaussianField
   std::size_t Size() const { return means.size(); }
   void Resize(std::size_t n);
 
+  /// Adds the Gaussians of another field behind its own; beam and transfer function stay.
+  void Append(const GaussianField& more);
+
+  /// The Gaussians of these numbers, in this order, under the same beam and transfer function.
+  template <class Number>
+  GaussianField Pick(const std::vector<Number>& numbers) const
+  {
+    GaussianField some;
+    some.beam = beam;
+    some.transfer = transfer;
+    some.Resize(numbers.size());
+    for (std::size_t k = 0; k < numbers.size(); ++k)
+    {
+      some.means[k] = means[numbers[k]];
+      some.scales[k] = scales[numbers[k]];
+      some.rotations[k] = rotations[numbers[k]];
+      some.reflectivities[k] = reflectivities[numbers[k]];
+    }
+    return some;
+  }
+
   /// Throws Error naming the array, the index and the value, unless lengths agree, all values are finite,
   /// quaternions are not zero, scales, reflectivities and coordinates lie within the limits above, gamma > 0 and
   /// both thicknesses of the beam from 0 to kLargestScale, its normals of length 1. An empty field is valid.

@@ -29,14 +29,6 @@ constexpr std::size_t kFewestFrames = 12;
 /// Directions, in units of their size, that differ by less are one.
 constexpr double kSameDirection = 0.01;
 
-void Append(GaussianField& to, const GaussianField& from)
-{
-  to.means.insert(to.means.end(), from.means.begin(), from.means.end());
-  to.scales.insert(to.scales.end(), from.scales.begin(), from.scales.end());
-  to.rotations.insert(to.rotations.end(), from.rotations.begin(), from.rotations.end());
-  to.reflectivities.insert(to.reflectivities.end(), from.reflectivities.begin(), from.reflectivities.end());
-}
-
 /// A part of a field's log, as if the training had gone on.
 void Append(Fitted& to, const Fitted& from, double begun)
 {
@@ -103,7 +95,7 @@ std::optional<Joined> TrainEach(const std::shared_ptr<const Sweep>& sweep, const
       joined.fitted.field.beam = fitted.field.beam;
       joined.fitted.field.transfer = fitted.field.transfer;
     }
-    Append(joined.fitted.field, fitted.field);
+    joined.fitted.field.Append(fitted.field);
     Append(joined.fitted, fitted, begun);
     joined.sequenceOfGaussian.resize(joined.fitted.field.Size(), static_cast<int>(s));
     joined.sequenceOfFrame.resize(joined.sequenceOfFrame.size() + some.size(), static_cast<int>(s));

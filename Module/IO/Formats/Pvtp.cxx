@@ -40,12 +40,6 @@ std::optional<ViewDependence> ViewsOf(const StoredField& part)
   return part.view ? std::optional(ViewDependence{part.view->views, {}}) : std::nullopt;
 }
 
-template <class T>
-void Append(std::vector<T>& to, const std::vector<T>& more)
-{
-  to.insert(to.end(), more.begin(), more.end());
-}
-
 std::string Declared(const char* name, int components, bool isSingle)
 {
   return std::string("<PDataArray type=\"") + (isSingle ? "Float32" : "Float64") + "\" Name=\"" + name +
@@ -253,12 +247,9 @@ std::optional<StoredField> ReadPvtp(const std::string& fileName, const FieldPiec
     }
     if (part->view)
     {
-      Append(all.view->terms, part->view->terms);
+      all.view->terms.insert(all.view->terms.end(), part->view->terms.begin(), part->view->terms.end());
     }
-    Append(all.field.means, part->field.means);
-    Append(all.field.scales, part->field.scales);
-    Append(all.field.rotations, part->field.rotations);
-    Append(all.field.reflectivities, part->field.reflectivities);
+    all.field.Append(part->field);
   }
   // Pictures of chunks are added up along a binary tree over a power of two of them.
   if ((total & (total - 1)) == 0)
