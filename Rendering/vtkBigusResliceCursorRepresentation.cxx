@@ -29,7 +29,7 @@ constexpr double kHoleShare = 0.05;  // of the box's longest side: the gap where
 
 }  // namespace
 
-vtkBigusResliceCursorRepresentation::vtkBigusResliceCursorRepresentation() : FieldReslice(vtkBigusReslice::New())
+vtkBigusResliceCursorRepresentation::vtkBigusResliceCursorRepresentation()
 {
   this->FieldReslice->SetOutputDimensionality(2);
   this->FieldReslice->GenerateCoverageOutputOff();
@@ -43,15 +43,12 @@ vtkBigusResliceCursorRepresentation::vtkBigusResliceCursorRepresentation() : Fie
   }
 }
 
-vtkBigusResliceCursorRepresentation::~vtkBigusResliceCursorRepresentation()
-{
-  this->FieldReslice->Delete();
-}
+vtkBigusResliceCursorRepresentation::~vtkBigusResliceCursorRepresentation() = default;
 
 void vtkBigusResliceCursorRepresentation::PrintSelf(ostream& os, vtkIndent indent)
 {
   this->Superclass::PrintSelf(os, indent);
-  os << indent << "FieldReslice: " << this->FieldReslice << "\n";
+  os << indent << "FieldReslice: " << this->FieldReslice.Get() << "\n";
 }
 
 void vtkBigusResliceCursorRepresentation::SetInputData(vtkPolyData* field)

@@ -18,6 +18,7 @@
 #define vtkBigusResliceCursorRepresentation_h
 
 #include "vtkBigusRenderingModule.h"  // for the export macro
+#include "vtkNew.h"
 #include "vtkResliceCursorLineRepresentation.h"
 
 #ifdef VTK_ABI_NAMESPACE_BEGIN  // from VTK 9.2 on
@@ -64,7 +65,7 @@ protected:
 
   void SetResliceParameters(double spacingX, double spacingY, int extentX, int extentY) override;
 
-  vtkBigusReslice* FieldReslice;
+  vtkNew<vtkBigusReslice> FieldReslice;
 
 private:
   vtkBigusResliceCursorRepresentation(const vtkBigusResliceCursorRepresentation&) = delete;

@@ -82,16 +82,7 @@ struct vtkBigusSliceProp::Made
   std::array<double, 16> shapes = {};  // corners of the slice, normal, half the slab
 };
 
-vtkBigusSliceProp::vtkBigusSliceProp()
-    : Reslice(vtkBigusReslice::New()),
-      Coverage(vtkImageSlice::New()),
-      CoverageTable(vtkLookupTable::New()),
-      Outline(vtkActor::New()),
-      Beam(vtkActor::New()),
-      OutlineShape(vtkPolyData::New()),
-      BeamShape(vtkPolyData::New()),
-      FieldKnown(std::make_unique<Known>()),
-      Drawn(std::make_unique<Made>())
+vtkBigusSliceProp::vtkBigusSliceProp() : FieldKnown(std::make_unique<Known>()), Drawn(std::make_unique<Made>())
 {
   vtkNew<vtkMatrix4x4> plane;
   this->SetPlane(plane);
@@ -131,19 +122,12 @@ vtkBigusSliceProp::vtkBigusSliceProp()
 vtkBigusSliceProp::~vtkBigusSliceProp()
 {
   this->SetPlane(nullptr);
-  this->Reslice->Delete();
-  this->Coverage->Delete();
-  this->CoverageTable->Delete();
-  this->Outline->Delete();
-  this->Beam->Delete();
-  this->OutlineShape->Delete();
-  this->BeamShape->Delete();
 }
 
 void vtkBigusSliceProp::PrintSelf(ostream& os, vtkIndent indent)
 {
   this->Superclass::PrintSelf(os, indent);
-  os << indent << "Reslice: " << this->Reslice << "\n";
+  os << indent << "Reslice: " << this->Reslice.Get() << "\n";
   os << indent << "Plane: " << this->Plane << "\n";
   os << indent << "SliceSize: " << this->SliceSize[0] << " " << this->SliceSize[1] << "\n";
   os << indent << "SliceSpacing: " << this->SliceSpacing[0] << " " << this->SliceSpacing[1] << "\n";

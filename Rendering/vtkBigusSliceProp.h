@@ -26,6 +26,7 @@
 
 #include "vtkBigusRenderingModule.h"  // for the export macro
 #include "vtkImageSlice.h"
+#include "vtkNew.h"
 #include "vtkTimeStamp.h"  // for SliceTime
 
 #ifdef VTK_ABI_NAMESPACE_BEGIN  // from VTK 9.2 on
@@ -33,7 +34,6 @@ VTK_ABI_NAMESPACE_BEGIN
 #endif
 class vtkActor;
 class vtkAlgorithmOutput;
-class vtkImageSliceMapper;
 class vtkLookupTable;
 class vtkMatrix4x4;
 class vtkPolyData;
@@ -200,7 +200,7 @@ protected:
   vtkBigusSliceProp();
   ~vtkBigusSliceProp() override;
 
-  vtkBigusReslice* Reslice;
+  vtkNew<vtkBigusReslice> Reslice;
   vtkMatrix4x4* Plane = nullptr;
   int SliceSize[2] = {512, 512};
   double SliceSpacing[2] = {1, 1};
@@ -229,12 +229,12 @@ private:
   void UpdateOverlay();
   void UpdateShapes();
 
-  vtkImageSlice* Coverage;
-  vtkLookupTable* CoverageTable;
-  vtkActor* Outline;
-  vtkActor* Beam;
-  vtkPolyData* OutlineShape;
-  vtkPolyData* BeamShape;
+  vtkNew<vtkImageSlice> Coverage;
+  vtkNew<vtkLookupTable> CoverageTable;
+  vtkNew<vtkActor> Outline;
+  vtkNew<vtkActor> Beam;
+  vtkNew<vtkPolyData> OutlineShape;
+  vtkNew<vtkPolyData> BeamShape;
   double ExactTolerance = -1;  // the reslice's, kept while a larger one is in use; negative: none is
   vtkTimeStamp SliceTime;      // when the last slice was rendered
   std::unique_ptr<Known> FieldKnown;

@@ -122,11 +122,6 @@ vtkBigusSliceRepresentation::Geometry vtkBigusSliceRepresentation::GeometryOfSli
 }
 
 vtkBigusSliceRepresentation::vtkBigusSliceRepresentation()
-    : HandleProperty(vtkProperty::New()),
-      SelectedHandleProperty(vtkProperty::New()),
-      Ball(vtkSphereSource::New()),
-      Shaft(vtkLineSource::New()),
-      Tip(vtkConeSource::New())
 {
   this->InteractionState = Outside;
   this->HandleSize = kHandlePixels;
@@ -144,7 +139,6 @@ vtkBigusSliceRepresentation::vtkBigusSliceRepresentation()
   {
     vtkNew<vtkPolyDataMapper> mapper;
     mapper->SetInputConnection(shapes[k]->GetOutputPort());
-    this->Handles[k] = vtkActor::New();
     this->Handles[k]->SetMapper(mapper);
     this->Handles[k]->SetProperty(this->HandleProperty);
   }
@@ -153,15 +147,6 @@ vtkBigusSliceRepresentation::vtkBigusSliceRepresentation()
 vtkBigusSliceRepresentation::~vtkBigusSliceRepresentation()
 {
   this->SetSliceProp(nullptr);
-  for (vtkActor* handle : this->Handles)
-  {
-    handle->Delete();
-  }
-  this->HandleProperty->Delete();
-  this->SelectedHandleProperty->Delete();
-  this->Ball->Delete();
-  this->Shaft->Delete();
-  this->Tip->Delete();
 }
 
 vtkCxxSetObjectMacro(vtkBigusSliceRepresentation, SliceProp, vtkBigusSliceProp);
@@ -174,8 +159,8 @@ void vtkBigusSliceRepresentation::PrintSelf(ostream& os, vtkIndent indent)
   os << indent << "MarginSize: " << this->MarginSize << "\n";
   os << indent << "DesiredUpdateRate: " << this->DesiredUpdateRate << "\n";
   os << indent << "HandleVisibility: " << (this->HandleVisibility ? "On\n" : "Off\n");
-  os << indent << "HandleProperty: " << this->HandleProperty << "\n";
-  os << indent << "SelectedHandleProperty: " << this->SelectedHandleProperty << "\n";
+  os << indent << "HandleProperty: " << this->HandleProperty.Get() << "\n";
+  os << indent << "SelectedHandleProperty: " << this->SelectedHandleProperty.Get() << "\n";
   os << indent << "Moving: " << (this->Moving ? "yes\n" : "no\n");
 }
 

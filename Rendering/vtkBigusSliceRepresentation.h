@@ -19,6 +19,7 @@
 #define vtkBigusSliceRepresentation_h
 
 #include "vtkBigusRenderingModule.h"  // for the export macro
+#include "vtkNew.h"
 #include "vtkWidgetRepresentation.h"
 
 #ifdef VTK_ABI_NAMESPACE_BEGIN  // from VTK 9.2 on
@@ -182,8 +183,8 @@ protected:
   double MarginSize = 0.08;
   double DesiredUpdateRate = 30;
   vtkTypeBool HandleVisibility = 1;
-  vtkProperty* HandleProperty;
-  vtkProperty* SelectedHandleProperty;
+  vtkNew<vtkProperty> HandleProperty;
+  vtkNew<vtkProperty> SelectedHandleProperty;
 
 private:
   vtkBigusSliceRepresentation(const vtkBigusSliceRepresentation&) = delete;
@@ -193,10 +194,10 @@ private:
   Geometry GeometryOfSlice();
   void ChangeWindowLevel(const double position[2]);
 
-  vtkSphereSource* Ball;
-  vtkLineSource* Shaft;
-  vtkConeSource* Tip;
-  vtkActor* Handles[3];  // of the three
+  vtkNew<vtkSphereSource> Ball;
+  vtkNew<vtkLineSource> Shaft;
+  vtkNew<vtkConeSource> Tip;
+  vtkNew<vtkActor> Handles[3];  // of the three
   double KeptPlane[16];
   bool Kept = false;
   bool Moving = false;
