@@ -340,18 +340,19 @@ double vtkBigusReslice::GetStandardErrorOfMean(vtkImageData* where)
       !where || (where->GetScalarType() == VTK_UNSIGNED_CHAR && where->GetNumberOfScalarComponents() == 1 &&
                  std::equal(size, size + 3, where->GetDimensions()));
   const bigus::StandardError* const kept = this->KeptStandardError();
-  if (!kept || sigma->GetScalarType() != VTK_FLOAT || !sigma->GetScalarPointer() || size[2] != 1 || !fits)
+  if (!kept || sigma->GetScalarType() != VTK_FLOAT || !sigma->GetScalarPointer() || !fits)
   {
     vtkErrorMacro(
-        << "GetStandardErrorOfMean: output 4 must hold one slice, and the pixels to take be an image of unsigned "
-           "char of the same dimensions.");
+        << "GetStandardErrorOfMean: output 4 must be filled, and the pixels to take be an image of unsigned char of the "
+           "same dimensions.");
     return std::numeric_limits<double>::quiet_NaN();
   }
   RowMajorMatrix indexToWorld;
   this->ComputeIndexToWorld(sigma->GetSpacing(), sigma->GetOrigin(), indexToWorld.data());
   return kept->OfMean(bigus::SlicePlane::FromImageToReference(indexToWorld, size[0], size[1]),
                       static_cast<const float*>(sigma->GetScalarPointer()),
-                      where ? static_cast<const unsigned char*>(where->GetScalarPointer()) : nullptr);
+                      where ? static_cast<const unsigned char*>(where->GetScalarPointer()) : nullptr, size[2],
+                      indexToWorld.col(2).norm());
 }
 
 vtkImageData* vtkBigusReslice::GetLabelOutput()

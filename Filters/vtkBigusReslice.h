@@ -284,10 +284,10 @@ public:
   ///@}
 
   /**
-   * The standard error of the mean intensity of the slice that output 4 is of, over pixels where `where` is not 0 (null:
+   * The standard error of the mean intensity of the slices that output 4 is of, over pixels where `where` is not 0 (null:
    * all): an image of unsigned char of the same dimensions. It is more than that of as many pixels that are independent of
    * each other (Core/StandardError). Not a number where the training frames do not tell, and of fields of releases that did
-   * not keep it. An error, and not a number, unless output 4 holds one slice and `where` fits it.
+   * not keep it. An error, and not a number, unless output 4 is filled and `where` fits it.
    */
   double GetStandardErrorOfMean(vtkImageData* where = nullptr);
 

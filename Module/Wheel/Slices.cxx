@@ -319,16 +319,18 @@ Array StandardErrorAt(const nb::bytes& kept, const Eigen::Matrix4d& plane, const
                           { StandardError(bytes).Evaluate(at, image.data(), sigma); });
 }
 
-/// Of pixels that are not 0 in `where`, [height, width].
-double StandardErrorOfMean(const nb::bytes& kept, const Eigen::Matrix4d& plane, const InputFloats& sigma,
+/// Of pixels that are not 0 in `where`, [depth, height, width].
+double StandardErrorOfMean(const nb::bytes& kept, const Eigen::Matrix4d& indexToWorld, const InputFloats& sigma,
                            const InputBytes& where)
 {
-  RequireShape(sigma, {-1, -1}, "the standard errors");
-  const int h = static_cast<int>(sigma.shape(0)), w = static_cast<int>(sigma.shape(1));
-  RequireShape(where, {h, w}, "the pixels to take");
-  const SlicePlane at = SlicePlane::FromImageToReference(plane, w, h);
-  at.Validate("slice plane");
-  return StandardError(std::string(kept.c_str(), kept.size())).OfMean(at, sigma.data(), where.data());
+  RequireShape(sigma, {-1, -1, -1}, "the standard errors");
+  const int d = static_cast<int>(sigma.shape(0)), h = static_cast<int>(sigma.shape(1));
+  const int w = static_cast<int>(sigma.shape(2));
+  RequireShape(where, {d, h, w}, "the pixels to take");
+  const SlicePlane first = SlicePlane::FromImageToReference(indexToWorld, w, h);
+  first.Validate("slice plane");
+  return StandardError(std::string(kept.c_str(), kept.size()))
+      .OfMean(first, sigma.data(), where.data(), d, indexToWorld.col(2).norm());
 }
 
 Array DistancesOfGrid(const Sweep& sweep, const Eigen::Matrix4d& indexToWorld, const Extent& extent)
@@ -364,7 +366,7 @@ void BindSlices(nb::module_& m)
       .def("render", &LabelSlicer::Render, "plane"_a, "width"_a, "height"_a)
       .def("render_part", &LabelSlicer::RenderPart, place, whole, extent);
   m.def("standard_error", &StandardErrorAt, "kept"_a, "plane"_a, "image"_a);
-  m.def("standard_error_of_mean", &StandardErrorOfMean, "kept"_a, "plane"_a, "sigma"_a, "where"_a);
+  m.def("standard_error_of_mean", &StandardErrorOfMean, "kept"_a, "index_to_world"_a, "sigma"_a, "where"_a);
   m.def("check_output_size", &CheckOutputSize, "extent"_a, "maximum"_a);
   m.def(
       "check_pixel_type",

@@ -146,13 +146,14 @@ TEST(StandardErrorOutput, OfVoxelsIsThatOfCoreInTheVolumesThinSlices)
   EXPECT_LT((Eigen::Map<Eigen::Vector3d>(place) - at(29, 24, 3)).norm(), 1e-9);
 }
 
-TEST(StandardErrorOutput, TellsThatOfTheMeanOfOneSlice)
+TEST(StandardErrorOutput, TellsThatOfTheMeanOfSlices)
 {
   const auto reslice = SlicesThatLeaveTheFrames();
   const ErrorObserver observer(reslice);
   EXPECT_TRUE(std::isnan(reslice->GetStandardErrorOfMean()));  // nothing yet
   reslice->Update();
-  EXPECT_TRUE(std::isnan(reslice->GetStandardErrorOfMean()));  // two slices
+  const double two = reslice->GetStandardErrorOfMean();
+  EXPECT_GT(two, 0);
   reslice->SetOutputExtent(0, 39, 0, 29, 0, 0);
   reslice->Update();
   vtkImageData* sigma = reslice->GetStandardErrorOutput();
@@ -174,7 +175,7 @@ TEST(StandardErrorOutput, TellsThatOfTheMeanOfOneSlice)
   EXPECT_NEAR(reslice->GetStandardErrorOfMean(where), StandardErrorOfNoise().OfMean(plane, values, chosen), 1e-9);
   where->SetDimensions(30, 40, 1);
   EXPECT_TRUE(std::isnan(reslice->GetStandardErrorOfMean(where)));
-  EXPECT_EQ(observer.Errors().size(), 3u);
+  EXPECT_EQ(observer.Errors().size(), 2u);
 }
 
 TEST(StandardErrorOutput, InPartsIsThatOfTheWhole)

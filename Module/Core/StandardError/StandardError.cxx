@@ -12,6 +12,7 @@
 #include <utility>
 
 #include "Core/Model/Error.h"
+#include "Core/Model/SweepGeometry.h"
 #include "Core/Numerics/Constants.h"
 #include "Core/Numerics/StateBytes.h"
 #include "Core/Probe/Fan.h"
@@ -125,13 +126,14 @@ void StandardError::Derive()
     }
     bySequence_.back().push_back(static_cast<int>(k));
   }
+  Sweep recorded;
+  recorded.width = width_;
+  recorded.height = height_;
+  recorded.imageToReference = poses_;
+  recorded.sequences = sequences_;
+  gap_ = MeasureGeometry(recorded, AllFrames(recorded)).usualSpacing;
   if (seen_)
   {
-    Sweep recorded;
-    recorded.width = width_;
-    recorded.height = height_;
-    recorded.imageToReference = poses_;
-    recorded.sequences = sequences_;
     views_ = RecordedViews::Of(recorded, AllFrames(recorded));
   }
 }
@@ -690,24 +692,30 @@ double ShareKept(const std::vector<StandardError::Square>& squares, double side)
 
 }  // namespace
 
-double StandardError::OfMean(const SlicePlane& plane, const float* sigma, const unsigned char* where) const
+double StandardError::OfMean(const SlicePlane& plane, const float* sigma, const unsigned char* where, int slices,
+                             double step) const
 {
   double variance = 0, count = 0;
-  for (std::size_t p = 0; p < static_cast<std::size_t>(plane.width) * plane.height; ++p)
+  std::vector<char> taken(slices, 0);
+  const std::size_t pixels = static_cast<std::size_t>(plane.width) * plane.height;
+  for (std::size_t p = 0; p < pixels * slices; ++p)
   {
     if ((!where || where[p]) && !std::isnan(sigma[p]))
     {
       variance += static_cast<double>(sigma[p]) * sigma[p];
       count += 1;
+      taken[p / pixels] = 1;
     }
   }
   if (count == 0 || squares_.empty())
   {
     return std::numeric_limits<double>::quiet_NaN();
   }
-  const double area = count * plane.columnStep.cross(plane.rowStep).norm();
+  const auto depth = std::count(taken.begin(), taken.end(), 1);
+  const double area = count * plane.columnStep.cross(plane.rowStep).norm() / static_cast<double>(depth);
   const double share = ShareKept(Squares(), std::sqrt(area));
-  return std::sqrt(variance / count * share * share + static_cast<double>(bias_) * bias_);
+  const double gaps = gap_ > 0 ? std::max(static_cast<double>(depth) * step / gap_, 1.0) : 1;
+  return std::sqrt(variance / count * share * share / gaps + static_cast<double>(bias_) * bias_);
 }
 
 bool StandardError::Evaluate(const GridPart& grid, const std::function<bool(const Extent&, float*)>& render,

@@ -70,8 +70,10 @@ public:
 
   /// The standard error of the mean of a slice over pixels (`where`: those that are not 0; null: all) of which `sigma`, that
   /// of each of them (Evaluate), is known: errors of pixels beside each other are alike. It is what a mean over a square of
-  /// as much area keeps of them (README.md). NaN where none is known, and of fields that kept no squares.
-  double OfMean(const SlicePlane& plane, const float* sigma, const unsigned char* where = nullptr) const;
+  /// as much area keeps of them (README.md). NaN where none is known, and of fields that kept no squares. Of a volume `plane`
+  /// is the first of so many `slices`, `step` mm apart, and `sigma` and `where` have them one after another.
+  double OfMean(const SlicePlane& plane, const float* sigma, const unsigned char* where = nullptr, int slices = 1,
+                double step = 0) const;
 
   /// Of the standard error of one pixel, what that of a mean over a square with sides of so many mm is; empty for fields that
   /// kept no squares.
@@ -151,6 +153,7 @@ private:
   RecordedViews views_;                                  // with seen_
   std::vector<float> squares_;                           // shares of sigma in means over 2, 4, 8, ... pixels a side
   float bias_ = 0;                                       // of the field, in means over the largest of them
+  double gap_ = 0;                                       // mm from a frame to the next that is usual
   std::vector<std::uint8_t> lit_;                        // [height][width]
   std::vector<std::uint8_t> residual_, rate_, texture_;  // [frames][cell rows][cell columns], coded; 0: not known
   std::vector<Frame> frames_;                            // what Derive makes of the above

@@ -364,11 +364,11 @@ class vtkBigusReslice(vtkBigusFieldToImage):
         values = sigma.GetPointData().GetScalars()
         fits = where is None or (where.GetPointData().GetScalars() is not None and where.GetScalarType() == VTK_UNSIGNED_CHAR
                                  and where.GetNumberOfScalarComponents() == 1 and where.GetDimensions() == size)
-        if self._field is None or not self._field.kept_error or values is None or size[2] != 1 or not fits:
-            self._report("ErrorEvent", "GetStandardErrorOfMean: output 4 must hold one slice, and the pixels to take be an image of "
-                                       "unsigned char of the same dimensions.")
+        if self._field is None or not self._field.kept_error or values is None or not fits:
+            self._report("ErrorEvent", "GetStandardErrorOfMean: output 4 must be filled, and the pixels to take be an image of unsigned "
+                                       "char of the same dimensions.")
             return math.nan
-        shape = (size[1], size[0])
+        shape = size[::-1]
         chosen = np.ones(shape, np.uint8) if where is None else vtk_to_numpy(where.GetPointData().GetScalars()).reshape(shape)
         place = _core.index_to_world(matrix_of(self.GetResliceAxes()), self._transform(), sigma.GetSpacing(), sigma.GetOrigin())
         return _core.standard_error_of_mean(self._field.kept_error, place, vtk_to_numpy(values).reshape(shape), chosen)

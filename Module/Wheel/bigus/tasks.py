@@ -335,7 +335,7 @@ def image_and_error(field: Field, plane: Any, size: Any, spacing: Any, caller: s
     matrix = pixel_matrix(plane, spacing)
     image = reslice(field, matrix, size, None, {})
     sigma = _core.standard_error(kept, matrix, image)
-    return image, sigma, lambda chosen: _core.standard_error_of_mean(kept, matrix, sigma, chosen)
+    return image, sigma, lambda chosen: _core.standard_error_of_mean(kept, matrix, sigma[np.newaxis], chosen[np.newaxis])
 
 
 def distance_to_frames(sweep: Sweep, plane: ArrayLike, size: Sequence[int], frames: Optional[Sequence[int]] = None) -> np.ndarray:
