@@ -544,7 +544,7 @@ TEST(StandardError, OfAMeanIsThatOfAPixelWhereAllErrAlike)
   // Within a gap between frames, usually 0.6 mm, slices err alike; in other gaps they err otherwise.
   const std::vector<float> four(4 * sigma.size(), 0.3f);
   EXPECT_NEAR(error.OfMean(plane, four.data(), nullptr, 4, 0.1), std::sqrt(0.3 * 0.3 + squares), 1e-6);
-  EXPECT_NEAR(error.OfMean(plane, four.data(), nullptr, 4, 1.2), std::sqrt(0.3 * 0.3 / 8 + squares), 1e-6);
+  EXPECT_NEAR(error.OfMean(plane, four.data(), nullptr, 4, 1.2), std::sqrt(0.3 * 0.3 / 6 + squares), 1e-6);
   const std::vector<float> unknown(sigma.size(), std::numeric_limits<float>::quiet_NaN());
   EXPECT_TRUE(std::isnan(error.OfMean(plane, unknown.data())));
 }

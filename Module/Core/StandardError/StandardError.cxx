@@ -714,7 +714,7 @@ double StandardError::OfMean(const SlicePlane& plane, const float* sigma, const 
   const auto depth = std::count(taken.begin(), taken.end(), 1);
   const double area = count * plane.columnStep.cross(plane.rowStep).norm() / static_cast<double>(depth);
   const double share = ShareKept(Squares(), std::sqrt(area));
-  const double gaps = gap_ > 0 ? std::max(static_cast<double>(depth) * step / gap_, 1.0) : 1;
+  const double gaps = gap_ > 0 ? std::max(static_cast<double>(depth - 1) * step / gap_, 1.0) : 1;
   return std::sqrt(variance / count * share * share / gaps + static_cast<double>(bias_) * bias_);
 }
 
