@@ -443,6 +443,38 @@ TEST(Labels, WhatMovesByMoreThanItsWidthIsFollowedBetweenDrawnFrames)
   EXPECT_GT(leaning, 0.5);  // thinner than it is, and at its place
 }
 
+/// Rods at the pictures' left edge, half of them outside, where the field has no Gaussians.
+TEST(Labels, WhatThePicturesEdgeCutsHasNoHoles)
+{
+  Sweep sweep;
+  sweep.width = sweep.height = 70;
+  std::vector<SlicePlane> planes;
+  for (int k = 0; k < 7; ++k)
+  {
+    Eigen::Matrix4d pose = Eigen::Vector4d(0.4, 0.4, 1, 1).asDiagonal();
+    pose(2, 3) = 2 * k;
+    sweep.imageToReference.push_back(pose);
+    planes.push_back(sweep.Plane(k));
+  }
+  auto pixels = std::make_shared<std::vector<std::uint8_t>>(sweep.PixelsPerFrame() * planes.size(), 100);
+  sweep.pixels = std::shared_ptr<const void>(pixels, pixels->data());
+  const GaussianField field = Lattice({20, 24, 0}, {28, 28, 12});
+  for (double radius = 2; radius <= 8; radius += 0.5)
+  {
+    LabelFrames drawn{{{1, "rod"}}, bigus::AllFrames(sweep), {}};
+    for (const SlicePlane& plane : planes)
+    {
+      for (std::size_t p = 0; p < plane.NumberOfPixels(); ++p)
+      {
+        const Eigen::Vector3d at = plane.Point(p % plane.width, p / plane.width);
+        drawn.pixels.push_back((at.head<2>() - Eigen::Vector2d(0, 14)).norm() < radius);
+      }
+    }
+    const FieldLabels found = FitLabels(field, sweep, drawn, {"cpu"});
+    EXPECT_GT(ScoreLabels(field, found, planes, drawn.pixels, "cpu").front().dice, 0.97) << radius << " mm";
+  }
+}
+
 TEST(Labels, PlanesAcrossShowTheAnatomyBetterThanNeighboursAndAVolume)
 {
   const Drawn drawn = Draw(4);

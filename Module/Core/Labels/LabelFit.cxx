@@ -30,7 +30,7 @@ constexpr float kReach = 8;  // pixels up to which distances count: a label that
 constexpr double kFollowed = 16;  // pixels up to which distances tell how a shape has moved from frame to frame
 constexpr double kFine = 2;       // pixels between further carriers along borders
 constexpr double kFinest = 0.7;   // the same where drawn frames lie closer
-constexpr double kCoarse = 4;     // times that, inside
+constexpr double kCoarse = 2;     // times that, inside; 4 left holes where a picture's edge cuts a label
 constexpr double kOverlap = 0.7;  // a carrier's standard deviation, of the distance to the next
 
 float Soft(float distance)
