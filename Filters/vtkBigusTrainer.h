@@ -192,7 +192,7 @@ public:
 
   /**
    * Optimizer steps; 0 only seeds. Values: 0 to 10000000. Default: auto, begins at 80 passes over frames and virtual
-   * planes, 60 where planes are sparse, at least 200.
+   * planes, 30 where planes are sparse, at least 200.
    */
   vtkBigusNumberOptionMacro(Iterations, int);
   /** Time for all of it, decisions included; 0 sets no limit. Values: 0 to 1000000000 s. Default: 0. */

@@ -10,6 +10,7 @@
 
 #include "Core/Model/Error.h"
 #include "Core/Training/FrameInterpolation.h"
+#include "Core/Training/Targets.h"
 #include "Core/Training/VirtualPlanes.h"
 #include "Support/Sweeps.h"
 
@@ -460,6 +461,39 @@ TEST(VirtualPlanes, PixelsStayBytesWhereTheyWereBytes)
     for (std::size_t p = 0; p < a.size(); ++p)
     {
       ASSERT_NEAR(a[p], b[p], k < 3 ? 0 : 0.5 / 255 + 1e-6) << k;  // half a level, where planes are virtual
+    }
+  }
+}
+
+/// Where the planes of a pass lie along the sweep, in spacings of frames from the first.
+std::vector<double> PlacesOfAPass(bool isSparse)
+{
+  const auto sweep = test::BlackSweep(4, kWidth, kHeight, kPixel, kSpacing);
+  TrainingPlan plan;
+  plan.virtualPlanes = 2;
+  plan.sparse = isSparse;
+  const std::unique_ptr<Engine> engine = Engine::Create("cpu");
+  Report report(plan, {}, Exchange::Alone());
+  Targets targets(sweep, {0, 2, 3}, plan, *engine, report, nullptr);  // frame 1 is held out
+  EXPECT_TRUE(targets.SetPlanes({plan.virtualPlanes}));
+  std::vector<double> places;
+  for (const int frame : targets.Frames())
+  {
+    places.push_back((targets.Images().imageToReference[frame](2, 3) - sweep->imageToReference[0](2, 3)) / kSpacing);
+  }
+  return places;
+}
+
+TEST(Targets, APassHasSparseFramesTwiceAndAllElseOnce)
+{
+  const std::vector<double> sparse = {0, 0, 2 / 3., 4 / 3., 2, 2, 7 / 3., 8 / 3., 3, 3},
+                            dense = {0, 2 / 3., 4 / 3., 2, 7 / 3., 8 / 3., 3};
+  for (const auto& [expected, found] : {std::pair(sparse, PlacesOfAPass(true)), {dense, PlacesOfAPass(false)}})
+  {
+    ASSERT_EQ(found.size(), expected.size());
+    for (std::size_t k = 0; k < found.size(); ++k)
+    {
+      EXPECT_NEAR(found[k], expected[k], 1e-9) << k;
     }
   }
 }

@@ -116,7 +116,7 @@ TEST(GeometryDefaults, PlanesLieAPixelApartAndTheBeamIsThin)
   EXPECT_EQ(sparse.elevationSigma, 0);
   EXPECT_EQ(sparse.probeElevationSigma, 0);  // not known
   EXPECT_EQ(dense.iterations, 580);          // 80 passes over 20 frames and 38 planes, 8 a step
-  EXPECT_EQ(sparse.iterations, 577);         // 60 over 20 frames and 57 planes
+  EXPECT_EQ(sparse.iterations, 288);         // 30 over 20 frames and 57 planes
   EXPECT_DOUBLE_EQ(dense.minimumScale, 0.5 * 0.3);
   EXPECT_DOUBLE_EQ(dense.maximumScale, 48 * 0.3);
 }

@@ -48,8 +48,9 @@ constexpr double kManyPixels = 100;
 /// Pixels of the shorter side that must be left.
 constexpr int kLeastCoarseSide = 32;
 
-/// Passes over frames and virtual planes. Sparse sweeps gain nothing from more passes: what they lack is frames.
-constexpr double kSparsePasses = 60, kDensePasses = 80;
+/// As many planes as passes over frames and virtual planes have, each once. Sparse sweeps gain next to nothing from more:
+/// what they lack is frames (Measured.md).
+constexpr double kSparsePasses = 30, kDensePasses = 80;
 /// Optimizer steps at the least, so that a few frames are learned too.
 constexpr int kFewestIterations = 200;
 

@@ -103,7 +103,7 @@ void ForEachOption(Options& options, const Visit& visit)
 
   const char* course = "How long and how";
   visit(OptionInfo{"Iterations", course, "Optimizer steps; 0 only seeds", 0, kMostIterations, "",
-                   "begins at 80 passes over frames and virtual planes, 60 where planes are sparse, at least 200"},
+                   "begins at 80 passes over frames and virtual planes, 30 where planes are sparse, at least 200"},
         options.iterations);
   visit(OptionInfo{"TimeLimit", course, "Time for all of it, decisions included; 0 sets no limit", 0, 1e9, "s"},
         options.timeLimit);
