@@ -266,9 +266,6 @@ def e2_jobs(scale):
             # As the paper scores: frames trained on, so no virtual planes stand between them.
             add("BIGUS 2M, no virtual planes", forced(2000000, 150, virtual_planes=0, iterations=FOREVER), 170, 3,
                 score=["held_out", "training"])
-        # When results/ were made, a field was no larger than its sweep by default.
-        add("BIGUS auto, any size", auto(maximum_gaussians=2000000), 2 * counts[None], 1 if "half" in name else 2,
-            score=["held_out", "training", "aligned"])
         for count, seconds in counts.items():
             if count:
                 add(f"UltraGauss preset {short(count)}",
