@@ -5,6 +5,7 @@
 #include <tbb/global_control.h>
 
 #include <map>
+#include <regex>
 #include <set>
 
 #include "Core/Deciding/DecisionRules.h"
@@ -217,6 +218,31 @@ TEST(Decisions, ThePriceAndTheMaximumBoundTheGaussians)
   options.automatic = false;
   options.iterations = 0;
   EXPECT_LE(*dear.settled.gaussians, *Train(PhantomSweep(), options).settled.gaussians);
+}
+
+/// Of doublings that gain half of what the one before gained, none is tried that would miss the price.
+TEST(Decisions, ADoublingThatWouldMissThePriceIsNotTried)
+{
+  TrainerOptions options = Forced();
+  options.gaussians.reset();
+  options.virtualPlanes = 0;
+  options.maximumGaussians = 100000;
+  options.price = 0;
+  const auto evidenceOf = [&options]
+  { return ByName(Train(PhantomSweep(), options).decisions).at("Gaussians").evidence; };
+  const std::string cheap = evidenceOf();
+  const std::regex doubling("([0-9]+) instead of ([0-9]+): [^;]*anywhere ([-+.0-9]+)");
+  const std::vector<std::smatch> doublings(std::sregex_iterator(cheap.begin(), cheap.end(), doubling),
+                                           std::sregex_iterator());
+  ASSERT_GE(doublings.size(), 2u) << cheap;
+  const double gain = std::stod(doublings[0][3]);
+  ASSERT_GT(gain, 0.1) << cheap;
+  options.price = 0.75 * gain;
+  const std::string dear = evidenceOf();
+  const std::vector<std::smatch> tried(std::sregex_iterator(dear.begin(), dear.end(), doubling),
+                                       std::sregex_iterator());
+  ASSERT_EQ(tried.size(), 1u) << dear;
+  EXPECT_EQ(tried[0].str(), doublings[0].str());
 }
 
 /// Waves of 5 to 11 pixels in twelve directions: a volume whose brightness is known at every place (mm; a pixel is 1 mm).

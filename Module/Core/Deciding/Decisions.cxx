@@ -3,6 +3,7 @@
 #include "Core/Deciding/Decisions.h"
 
 #include <array>
+#include <limits>
 #include <optional>
 
 #include "Core/Deciding/DecisionRules.h"
@@ -222,7 +223,9 @@ Decision DecideBeam(State& state, const Sweep& sweep, const std::vector<int>& fr
 }
 
 /// Doubles while that gains its price at a plane at random, else halves while that loses next to nothing there. Amid gaps,
-/// where a field that is too large errs, little may be lost either way, or less than is gained at random.
+/// where a field that is too large errs, little may be lost either way, or less than is gained at random. A doubling gains
+/// about half of what the one before gained, and its trial takes as long as all before, so one that would miss its price
+/// by that is not tried.
 Decision DecideGaussians(State& state)
 {
   if (state.asked.gaussians)
@@ -232,17 +235,22 @@ Decision DecideGaussians(State& state)
   const Stopwatch watch;
   std::string evidence;
   const double passes = state.plan.sparse ? kTrialPasses : kLongTrialPasses;
+  double expected = std::numeric_limits<double>::infinity();  // dB that the next doubling gains
   const auto take = [&](std::size_t count, double least, double little)
   {
     TrainingPlan candidate = state.plan;
     candidate.gaussians = count;
     return Try(
         state, candidate, std::to_string(count) + " instead of " + std::to_string(state.plan.gaussians), evidence,
-        [&](const Gain& gain) { return gain.anywhere > least && gain.mean > -std::max(little, gain.anywhere); },
+        [&](const Gain& gain)
+        {
+          expected = kOfGainBefore * gain.anywhere;
+          return gain.anywhere > least && gain.mean > -std::max(little, gain.anywhere);
+        },
         passes);
   };
   bool grew = false;
-  while (2 * state.plan.gaussians <= state.plan.maximumGaussians &&
+  while (2 * state.plan.gaussians <= state.plan.maximumGaussians && expected > state.asked.price &&
          take(2 * state.plan.gaussians, state.asked.price, kMoreMayLose))
   {
     grew = true;
