@@ -11,6 +11,7 @@
 #include "Core/Model/SweepGeometry.h"
 #include "Core/Numerics/Format.h"
 #include "Core/Probe/ElevationEstimate.h"
+#include "Core/Training/GeometryDefaults.h"
 #include "Core/Training/Stopwatch.h"
 
 namespace bigus
@@ -147,7 +148,7 @@ Decision DecidePath(State& state)
     TrainingPlan candidate = state.plan;
     candidate.interpolation = state.prediction.alongProbe;
     Try(state, candidate, "along the probe's path in a trial", evidence,
-        [](const Gain& gain) { return gain.mean - gain.error > -kPathMayLose; });
+        [](const Gain& gain) { return gain.mean + gain.error > -kPathMayLose; });
   }
   return Made(state, "interpolation", state.plan.interpolation.ToString(), evidence,
               state.prediction.seconds + watch.Seconds());
@@ -301,6 +302,40 @@ std::vector<Decision> Decide(const Sweep& sweep, const std::vector<int>& frames,
   decisions.push_back(DecideBeam(state, sweep, frames, longest));
   decisions.push_back(DecideGaussians(state));
   return decisions;
+}
+
+PoseCorrection DecidePoses(const Sequence& sequence, PoseCorrection undecided, const TrainerOptions& asked,
+                           const ProgressCallback& progress, TrialKeeper& keeper, Exchange& exchange)
+{
+  const Stopwatch watch;
+  const double strength = undecided.steps.at(0).to;
+  PoseCorrection smoothed =
+      CorrectPoses(sequence.sweep, sequence.frames, {strength}, [&](double) { return progress({}); });
+  if (smoothed.aborted)
+  {
+    return undecided;
+  }
+  const auto trialsAt = [&](const PoseCorrection& poses)
+  {
+    return Trials(AtCorrectedPoses(sequence.sweep, poses), sequence.frames, sequence.frames.size(), asked, progress,
+                  keeper, exchange,
+                  std::to_string(sequence.first) + Format(", poses smoothed by %g, ", poses.strength));
+  };
+  Trials as = trialsAt(undecided), candidate = trialsAt(smoothed);
+  const TrainingPlan plan = PlanByGeometry(asked, sequence.sweep, sequence.frames);
+  if (const std::optional<Gain> gain = candidate.ComparePoses(as, plan, kTrialPasses))
+  {
+    undecided.decision.evidence += Format("; in a trial strength %g gains", strength) + Format(" %+.2f", gain->mean) +
+                                   Format(" +- %.2f dB", gain->error);
+    if (Passes(*gain))
+    {
+      smoothed.steps = undecided.steps;
+      smoothed.decision.evidence = undecided.decision.evidence;
+      undecided = std::move(smoothed);
+    }
+  }
+  undecided.decision.seconds += watch.Seconds();
+  return undecided;
 }
 
 }  // namespace bigus

@@ -7,7 +7,9 @@
 #include <vector>
 
 #include "Core/Deciding/Decision.h"
+#include "Core/Deciding/PoseCorrection.h"
 #include "Core/Deciding/TrialKeeper.h"
+#include "Core/Model/Sequences.h"
 #include "Core/Model/Sweep.h"
 #include "Core/Training/TrainerOptions.h"
 #include "Core/Training/TrainingPlan.h"
@@ -24,5 +26,11 @@ namespace bigus
 std::vector<Decision> Decide(const Sweep& sweep, const std::vector<int>& frames, const TrainerOptions& asked,
                              TrainingPlan& plan, const ProgressCallback& progress, TrialKeeper& keeper,
                              Exchange& exchange);
+
+/// The correction of a sequence's poses of which pictures cannot tell whether it is right (PoseCorrection::IsUndecided):
+/// smoothed by what was asked of pictures first where a short training at such poses predicts validation frames better than
+/// one at `undecided`, else that. Nothing is changed when `progress` returns false.
+PoseCorrection DecidePoses(const Sequence& sequence, PoseCorrection undecided, const TrainerOptions& asked,
+                           const ProgressCallback& progress, TrialKeeper& keeper, Exchange& exchange);
 
 }  // namespace bigus

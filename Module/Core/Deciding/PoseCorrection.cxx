@@ -647,6 +647,11 @@ std::string Refine(const Sweep& sweep, const std::vector<int>& frames, PoseCorre
 
 }  // namespace
 
+bool PoseCorrection::IsUndecided() const
+{
+  return strength == 0 && !steps.empty() && steps[0].share + 2 * steps[0].shareError > kLeastConfirmed;
+}
+
 PoseCorrection CorrectPoses(const Sweep& sweep, const std::vector<int>& frames, const PoseCorrectionOptions& options,
                             const std::function<bool(double)>& progress)
 try

@@ -48,6 +48,9 @@ struct PoseCorrection
   ConfirmedStep alignment;  ///< of frames to each other; asked for where the probe comes back
   Decision decision;        ///< the choice, what it rests on, and seconds
   bool aborted = false;     ///< `progress` said stop; every pose is the recorded one
+
+  /// Nothing was smoothed, but pictures do not refuse the first step by two standard errors.
+  bool IsUndecided() const;
 };
 
 /// Corrects the poses of all frames of the sweep. Of pixels only those of `frames` are looked at; other frames go

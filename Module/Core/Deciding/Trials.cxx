@@ -78,8 +78,8 @@ std::string Gain::ToString() const
 }
 
 Trials::Trials(const Sweep& sweep, const std::vector<int>& frames, std::size_t trained, const TrainerOptions& asked,
-               const ProgressCallback& progress, TrialKeeper& keeper, Exchange& exchange)
-    : asked_(asked), progress_(progress), keeper_(keeper), exchange_(exchange)
+               const ProgressCallback& progress, TrialKeeper& keeper, Exchange& exchange, std::string poses)
+    : asked_(asked), progress_(progress), keeper_(keeper), exchange_(exchange), poses_(std::move(poses))
 {
   const std::size_t tried = std::min(kTrialFrames, frames.size());
   const auto begin = frames.begin() + static_cast<std::ptrdiff_t>((frames.size() - tried) / 2);
@@ -165,6 +165,16 @@ std::optional<Gain> Trials::Compare(const TrainingPlan& candidate, const Trainin
   return gain;
 }
 
+std::optional<Gain> Trials::ComparePoses(Trials& others, const TrainingPlan& plan, double passes)
+{
+  if (!Proceed())
+  {
+    return std::nullopt;
+  }
+  const TrialScores over = others.Score(plan, passes), psnr = others.stopped_ ? TrialScores{} : Score(plan, passes);
+  return stopped_ || others.stopped_ ? std::nullopt : std::optional(GainOf(psnr.frames, over.frames));
+}
+
 std::optional<double> Trials::Predict(const FrameInterpolation& interpolation)
 {
   const std::string name = "prediction by " + interpolation.ToString();
@@ -196,9 +206,9 @@ bool Trials::Proceed()
 /// Trains unless that was done before. All that trials differ in names one.
 TrialScores Trials::Score(const TrainingPlan& plan, double passes)
 {
-  const std::string name = std::to_string(plan.gaussians) + " Gaussians, beam " + NumberText(plan.elevationSigma) +
-                           ", " + std::to_string(plan.virtualPlanes) + " planes, " + plan.interpolation.ToString() +
-                           ", " + NumberText(passes) + " passes";
+  const std::string name = poses_ + std::to_string(plan.gaussians) + " Gaussians, beam " +
+                           NumberText(plan.elevationSigma) + ", " + std::to_string(plan.virtualPlanes) + " planes, " +
+                           plan.interpolation.ToString() + ", " + NumberText(passes) + " passes";
   if (const TrialScores* known = keeper_.FindTrial(name))
   {
     return *known;

@@ -48,11 +48,15 @@ public:
   /// Of `frames`, which are of one sequence of the sweep, the middle ones are tried on, for a training on `trained` frames.
   /// `asked` is what the caller set; it bounds what a trial may do. Finished trials and the one under way are kept by `keeper`. Of `exchange` see TrainingLoop. What is referred
   /// to must outlive this.
+  /// `poses` names those that the sweep is at, where trials are made at several.
   Trials(const Sweep& sweep, const std::vector<int>& frames, std::size_t trained, const TrainerOptions& asked,
-         const ProgressCallback& progress, TrialKeeper& keeper, Exchange& exchange);
+         const ProgressCallback& progress, TrialKeeper& keeper, Exchange& exchange, std::string poses = {});
 
   /// What `candidate` gains over `best` after so many passes; nothing when the callback said stop.
   std::optional<Gain> Compare(const TrainingPlan& candidate, const TrainingPlan& best, double passes);
+
+  /// What these poses gain over those of `others`. Each predicts validation frames where its own poses put them.
+  std::optional<Gain> ComparePoses(Trials& others, const TrainingPlan& plan, double passes);
 
   /// How well an interpolation predicts frames from their neighbours: mean PSNR, dB; nothing when the callback said
   /// stop. Costs no training.
@@ -80,6 +84,7 @@ private:
   const ProgressCallback& progress_;
   TrialKeeper& keeper_;
   Exchange& exchange_;
+  std::string poses_;                   // begins the names of trials
   std::shared_ptr<const Sweep> sweep_;  // what is tried on
   std::vector<int> training_, validation_;
   std::vector<double> shares_;  // E[m] / m_v of each validation frame, 0 to 1

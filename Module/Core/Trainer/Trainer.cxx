@@ -60,11 +60,12 @@ void RequireSomethingToLearn(const Sweep& sweep, const std::vector<int>& frames)
 }
 
 /// Takes the tracker's noise out of the poses of all frames, by pixels of `frames` alone, and reports it. Every sequence
-/// is corrected as if it were alone, because it is a motion and a registration of its own. Poses are kept where `goOn`
-/// says stop.
+/// is corrected as if it were alone, because it is a motion and a registration of its own. Of what pictures cannot tell
+/// `decide` says the last word. Poses are kept where `goOn` says stop.
 std::shared_ptr<const Sweep> Correct(std::shared_ptr<const Sweep> sweep, const std::vector<int>& frames,
                                      TrainerOptions& options, std::vector<Decision>& decisions,
-                                     const std::function<bool()>& goOn)
+                                     const std::function<bool()>& goOn,
+                                     const std::function<PoseCorrection(const Sequence&, PoseCorrection)>& decide)
 {
   const std::vector<Sequence> sequences = SequencesOf(*sweep, frames);
   auto corrected = std::make_shared<Sweep>(*sweep);
@@ -78,6 +79,10 @@ std::shared_ptr<const Sweep> Correct(std::shared_ptr<const Sweep> sweep, const s
     {
       options.poseSmoothing = 0;
       return sweep;
+    }
+    if (correction.IsUndecided())
+    {
+      correction = decide(sequence, std::move(correction));
     }
     // Where nothing is smoothed but pictures aligned frames, the option stays open, because 0 would also forbid the
     // alignment.
@@ -281,7 +286,15 @@ void Training::CorrectPoses()
     const bool isJudged = asked_.automatic && LongestSequence(*sweep_, result_.trainingFrames).size() >= kFewestFrames;
     if (asked_.poseSmoothing ? asked_.automatic || *asked_.poseSmoothing > 0 : isJudged)
     {
-      sweep_ = Correct(sweep_, result_.trainingFrames, asked_, result_.decisions, [this] { return budget_.Tell({}); });
+      const auto decide = [this](const Sequence& sequence, PoseCorrection found)
+      {
+        const auto tell = [this](const TrainingProgress& now) { return budget_.Tell(now); };
+        return IsDeciding() && !budget_.IsLimited()
+                   ? DecidePoses(sequence, std::move(found), asked_, tell, keeper_, exchange_)
+                   : found;
+      };
+      sweep_ = Correct(
+          sweep_, result_.trainingFrames, asked_, result_.decisions, [this] { return budget_.Tell({}); }, decide);
     }
     else
     {

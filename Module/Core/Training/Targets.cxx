@@ -34,10 +34,6 @@ constexpr int kFewerPlanes = 3;
 /// The share of them that tells how long all will take.
 constexpr double kLeastProjected = 0.1;
 
-/// How often a pass with virtual planes has each frame where frames are sparse: what lies far between them is a guess, and
-/// frames are not. Where they are dense a plane between them is a mean, which has less of the noise of poses and speckle.
-constexpr int kTurnsOfSparseFrames = 2;
-
 /// Pixels of the reduced frames: the smallest scale while training on them. A reduced pixel is a mean over its area,
 /// while training takes it for a sample, so what is narrower would be wrong between the samples.
 constexpr double kCoarseScale = 0.5;
@@ -147,7 +143,9 @@ bool Targets::AddPlanes(const SecondStage& stage, double most, double after, std
   std::vector<int> recorded(frames.size());  // they come first in `images`
   std::iota(recorded.begin(), recorded.end(), 0);
   frames = AllFrames(*images);
-  for (int turn = 1; plan_.sparse && turn < kTurnsOfSparseFrames; ++turn)
+  // A pass has frames twice where they are sparse: what lies far between them is a guess, and frames are not. Where they are
+  // dense a plane between them is a mean, which has less of the noise of poses and speckle.
+  if (plan_.sparse)
   {
     frames.insert(frames.end(), recorded.begin(), recorded.end());
   }
