@@ -333,6 +333,51 @@ TEST(Decisions, AreTheSameForAnyThreadsAndWhateverHeldOutFramesShow)
   EXPECT_TRUE(Same(clean.field, held.field));
 }
 
+/// Sweeps of a hand that shakes about as much as the tracker errs, of one of which pictures cannot tell whether to smooth it.
+TEST(Decisions, FieldsDecideOnPosesOfWhichPicturesCannotTell)
+{
+  std::shared_ptr<const Sweep> sweep;
+  TrainerOptions options;
+  options.holdOut = 6;
+  options.gaussians = 1500;
+  options.iterations = 40;
+  options.viewDependence = false;
+  for (std::uint64_t seed = 1; !sweep; ++seed)
+  {
+    ASSERT_LE(seed, 20u);
+    PhantomOptions world;
+    world.seed = seed;
+    world.frames = 24;
+    world.width = world.height = 64;
+    world.pixelSize = 0.6;
+    world.frameSpacing = 1.5;
+    world.trackingNoise = world.shake = 0.15;
+    world.trackingRotationNoise = world.shakeRotation = 0.2;
+    const auto made = std::make_shared<const Sweep>(Phantom(world).MakeSweep());
+    sweep =
+        CorrectPoses(*made, SplitHoldOut(made->NumberOfFrames(), options.holdOut).first).IsUndecided() ? made : sweep;
+  }
+  const auto poses = [&](const std::shared_ptr<const Sweep>& of, int threads)
+  {
+    const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, threads);
+    const TrainingResult result = Train(of, options);
+    EXPECT_EQ(result.decisions.at(0).what, "poses");
+    return std::make_pair(Account({result.decisions[0]}), result.imageToReference);
+  };
+  const auto decided = poses(sweep, 2);
+  EXPECT_NE(decided.first.find("in a trial strength 1 gains"), std::string::npos) << decided.first;
+  EXPECT_EQ(decided, poses(sweep, 1));
+  // Frames held out have no say.
+  const auto floats = Changed(*sweep, [](int, std::size_t, float value) { return value; });
+  const auto poisoned = Changed(*sweep, [](int frame, std::size_t pixel, float value)
+                                { return frame % 6 == 3 ? (pixel % 3 ? 1.0f : 0.0f) : value; });
+  ASSERT_EQ(SplitHoldOut(sweep->NumberOfFrames(), options.holdOut).second[0], 3);
+  EXPECT_EQ(poses(floats, 2), poses(poisoned, 2));
+  // With a time limit pictures alone decide.
+  options.timeLimit = 60;
+  EXPECT_EQ(poses(sweep, 2).first.find("in a trial"), std::string::npos);
+}
+
 TEST(Decisions, TooFewFramesLeaveThemToGeometry)
 {
   const auto sweep = std::make_shared<const Sweep>(PhantomSweep()->Subset({0, 1, 2, 3, 4, 5, 6}));
