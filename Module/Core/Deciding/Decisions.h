@@ -27,9 +27,9 @@ std::vector<Decision> Decide(const Sweep& sweep, const std::vector<int>& frames,
                              TrainingPlan& plan, const ProgressCallback& progress, TrialKeeper& keeper,
                              Exchange& exchange);
 
-/// The correction of a sequence's poses of which pictures cannot tell whether it is right (PoseCorrection::IsUndecided):
-/// smoothed by what was asked of pictures first where a short training at such poses predicts validation frames better than
-/// one at `undecided`, else that. Nothing is changed when `progress` returns false.
+/// Of a sequence of which pictures cannot tell whether its poses should be smoothed (PoseCorrection::IsUndecided): poses
+/// smoothed by the strength of the first step, 1, where a short training at them predicts validation frames better than one
+/// at `undecided`, else those, as also when `progress` returns false.
 PoseCorrection DecidePoses(const Sequence& sequence, PoseCorrection undecided, const TrainerOptions& asked,
                            const ProgressCallback& progress, TrialKeeper& keeper, Exchange& exchange);
 

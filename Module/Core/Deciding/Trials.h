@@ -46,9 +46,9 @@ class Trials
 {
 public:
   /// Of `frames`, which are of one sequence of the sweep, the middle ones are tried on, for a training on `trained` frames.
-  /// `asked` is what the caller set; it bounds what a trial may do. Finished trials and the one under way are kept by `keeper`. Of `exchange` see TrainingLoop. What is referred
-  /// to must outlive this.
-  /// `poses` names those that the sweep is at, where trials are made at several.
+  /// `asked` is what the caller set; it bounds what a trial may do. Finished trials and the one under way are kept by
+  /// `keeper`. `poses` names those that the sweep is at, where trials are made at several. Of `exchange` see TrainingLoop.
+  /// What is referred to must outlive this, but for the sweep.
   Trials(const Sweep& sweep, const std::vector<int>& frames, std::size_t trained, const TrainerOptions& asked,
          const ProgressCallback& progress, TrialKeeper& keeper, Exchange& exchange, std::string poses = {});
 
