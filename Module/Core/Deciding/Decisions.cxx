@@ -321,9 +321,9 @@ PoseCorrection DecidePoses(const Sequence& sequence, PoseCorrection undecided, c
                   keeper, exchange,
                   std::to_string(sequence.first) + Format(", poses smoothed by %g, ", poses.strength));
   };
-  Trials as = trialsAt(undecided), candidate = trialsAt(smoothed);
+  Trials best = trialsAt(undecided), candidate = trialsAt(smoothed);
   const TrainingPlan plan = PlanByGeometry(asked, sequence.sweep, sequence.frames);
-  if (const std::optional<Gain> gain = candidate.ComparePoses(as, plan, kTrialPasses))
+  if (const std::optional<Gain> gain = candidate.ComparePoses(best, plan, kTrialPasses))
   {
     undecided.decision.evidence += Format("; in a trial strength %g gains", strength) + Format(" %+.2f", gain->mean) +
                                    Format(" +- %.2f dB", gain->error);
