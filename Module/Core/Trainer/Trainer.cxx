@@ -41,6 +41,11 @@ constexpr double kDecidingShare = 0.45, kDecidingShareGiven = 0.1;
 constexpr double kGaussiansPerSecond = 20000;
 constexpr std::size_t kFewestInLimitedTime = 1000;
 
+/// Share of training that comes before trials where these may choose another number of Gaussians, since all of it is done
+/// again then. Who stops a training of the brain sweep amid trials gets 26.26 dB by it (full size, held-out frames), and
+/// 26.24 after all of the first stage, which takes three times as long.
+constexpr double kBeforeOpenTrials = kFirstStage / 3;
+
 /// The option that may be another when a training goes on.
 const std::string kTimeLimit = "TimeLimit";
 
@@ -355,7 +360,8 @@ void Training::MakeLoop()
 }
 
 /// The first stage comes before trials, because it rests on few of the choices, and its field is what a caller gets who
-/// stops amid them. Where they choose what it rests on otherwise, it is done again.
+/// stops amid them. Where they choose what it rests on otherwise, it is done again, so where that is likely only its
+/// beginning comes before them.
 void Training::FirstStage()
 {
   if (IsDeciding() && !budget_.IsTooShortToTry() && HasFirstStage(plan_))
@@ -363,7 +369,8 @@ void Training::FirstStage()
     plan_.timeLimit = budget_.Left(true);
     budget_.ExpectTrials(asked_.gaussians ? kDecidingShareGiven : kDecidingShare);
     MakeLoop();
-    fitted_ = loop_->Run(result_.validationFrames, TrainingLoop::Until::FirstStage);
+    const bool isOpen = !asked_.gaussians && !budget_.IsLimited();
+    fitted_ = loop_->Run(result_.validationFrames, isOpen ? kBeforeOpenTrials : kFirstStage);
   }
 }
 

@@ -32,7 +32,7 @@ struct TrainingLoop::Lap
   int stageFirst = 0;     // steps taken before
 };
 
-Fitted TrainingLoop::Run(const std::vector<int>& validationFrames, Until until)
+Fitted TrainingLoop::Run(const std::vector<int>& validationFrames, double until)
 {
   Lap lap{Batches(targets_.Frames(), plan_.batch, plan_.seed), report_.Seconds() - course_.trainingTime,
           report_.Seconds(), course_.iteration};
@@ -42,17 +42,9 @@ Fitted TrainingLoop::Run(const std::vector<int>& validationFrames, Until until)
   while (!isFinished && !report_.IsAborted())
   {
     const double fraction = FractionDone(plan_, course_.iteration + 1, report_.Seconds(), lap.begun);
-    if (fraction >= 1.0)
+    if (fraction >= until || (course_.isFirstStage && fraction >= kFirstStage && !EnterSecondStage(lap)))
     {
       break;
-    }
-    if (course_.isFirstStage && fraction >= kFirstStage)
-    {
-      const bool isEntered = until == Until::End && EnterSecondStage(lap);
-      if (!isEntered)
-      {
-        break;
-      }
     }
     CorrectFrames(fraction);
     const int before = course_.iteration;

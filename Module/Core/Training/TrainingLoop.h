@@ -72,16 +72,10 @@ public:
   /// the same bits. The time that a limit bounds goes on, too. Throws Error for bytes that are no such state.
   void Resume(std::string_view state);
 
-  /// Where a run ends. The first stage sees recorded frames alone, so it rests on no choice about virtual planes.
-  enum class Until
-  {
-    FirstStage,
-    End
-  };
-
-  /// Trains on from where Begin, Resume or a run until the first stage's end left off. `validationFrames` (may be empty)
-  /// serve early stop.
-  Fitted Run(const std::vector<int>& validationFrames, Until until = Until::End);
+  /// Trains on from where Begin, Resume or the run before left off, up to the fraction `until` of training: its end, or
+  /// one of the first stage, up to kFirstStage. That sees recorded frames alone, so it rests on no choice about virtual
+  /// planes. `validationFrames` (may be empty) serve early stop.
+  Fitted Run(const std::vector<int>& validationFrames, double until = 1);
 
   /// The field for a caller who stops amid training, after at least one step. The steps of then are so large that the
   /// field jitters, so it takes a few more, ever smaller ones, and the mean of the last. Nothing goes on from here.
