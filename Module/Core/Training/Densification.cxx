@@ -112,14 +112,12 @@ void SplitOrClone(const GaussianField& field, std::size_t i, const Eigen::Vector
     const Eigen::Vector3d offset = kOffset * scale[axis] * axes.col(axis);
     Add(field, i, mean + offset, childScale, 0.5 * r / shrink, -1, out);
     Add(field, i, mean - offset, childScale, 0.5 * r / shrink, -1, out);
-    ++out.split;
   }
   else
   {
     const Eigen::Vector3d step = kNudge * (axes * pull.normalized().cwiseProduct(scale));
     Add(field, i, mean, scale, kCloneReflectivity * r, static_cast<int>(i), out);
     Add(field, i, mean + step, scale, kCloneReflectivity * r, -1, out);
-    ++out.cloned;
   }
 }
 
@@ -134,15 +132,11 @@ Restructured Densify(const GaussianField& field, const Engine::Scores& scores, d
   out.field.transfer = field.transfer;
   for (std::size_t i = 0; i < field.Size(); ++i)
   {
-    if (!keep[i])
-    {
-      ++out.pruned;
-    }
-    else if (worst[i])
+    if (worst[i])
     {
       SplitOrClone(field, i, scores.descent[i], pixelSize, out);
     }
-    else
+    else if (keep[i])
     {
       Add(field, i, field.means[i], field.scales[i], field.reflectivities[i], static_cast<int>(i), out);
     }

@@ -26,7 +26,6 @@ struct Restructured
 {
   GaussianField field;
   std::vector<int> parents;  ///< [new size] index in the old field, or -1 for a child with fresh optimizer state
-  std::size_t cloned = 0, split = 0, pruned = 0;
 };
 
 /// One restructuring of `field` by the scores gathered since the last; pixelSize in mm. Gaussians that no frame saw
