@@ -7,7 +7,6 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <string>
 #include <vector>
 
 #include "Core/Formula/SsimWindow.h"
@@ -39,51 +38,46 @@ double Psnr(const float* image, const float* truth, std::size_t numberOfPixels)
 namespace
 {
 
-/// Two images of one size.
+/// Two images of one size, row by row.
 struct ImagePair
 {
   const float *image, *truth;
-  int width, height;
+  int width;
 };
 
-/// The sum over a row of windows, whose centres lie at row `centre` and `margin` pixels and more from the image's sides.
-double SumSsim(const ImagePair& pair, const std::array<double, kSsimTaps>& kernel, int centre, int margin)
+/// The sum over a row of windows, which begin at row `top`.
+double SumSsim(const ImagePair& pair, const std::array<double, kSsimTaps>& kernel, std::size_t top)
 {
   // The window is separable: first down the columns, for the weighted sums of x, y, x^2, y^2 and xy ...
   constexpr int kMoments = 5;
-  const std::size_t padded = static_cast<std::size_t>(pair.width) + 2 * kSsimRadius;
-  std::vector<double> columns(kMoments * padded, 0.0);  // zero beyond the image's left and right edges
+  const auto width = static_cast<std::size_t>(pair.width);
+  std::vector<double> columns(kMoments * width, 0.0);
   for (int t = 0; t < kSsimTaps; ++t)
   {
-    const int y = centre + t - kSsimRadius;
-    if (y < 0 || y >= pair.height)
-    {
-      continue;
-    }
-    const float* a = pair.image + static_cast<std::size_t>(y) * pair.width;
-    const float* b = pair.truth + static_cast<std::size_t>(y) * pair.width;
+    const float* a = pair.image + (top + t) * width;
+    const float* b = pair.truth + (top + t) * width;
     const double w = kernel[t];
-    double* out = columns.data() + kSsimRadius;
-    for (int x = 0; x < pair.width; ++x)
+    double* out = columns.data();
+    for (std::size_t x = 0; x < width; ++x)
     {
       const double ax = a[x], bx = b[x];
       out[x] += w * ax;
-      out[x + padded] += w * bx;
-      out[x + 2 * padded] += w * (ax * ax);
-      out[x + 3 * padded] += w * (bx * bx);
-      out[x + 4 * padded] += w * (ax * bx);
+      out[x + width] += w * bx;
+      out[x + 2 * width] += w * (ax * ax);
+      out[x + 3 * width] += w * (bx * bx);
+      out[x + 4 * width] += w * (ax * bx);
     }
   }
   // ... then along the row.
   double sum = 0;
-  for (int x = margin; x < pair.width - margin; ++x)
+  for (std::size_t x = 0; x + kSsimTaps <= width; ++x)
   {
     double m[kMoments] = {};
     for (int k = 0; k < kMoments; ++k)
     {
       for (int t = 0; t < kSsimTaps; ++t)
       {
-        m[k] += kernel[t] * columns[k * padded + x + t];
+        m[k] += kernel[t] * columns[k * width + x + t];
       }
     }
     const double varianceA = m[2] - m[0] * m[0];
@@ -97,24 +91,17 @@ double SumSsim(const ImagePair& pair, const std::array<double, kSsimTaps>& kerne
 
 }  // namespace
 
-double Ssim(const float* image, const float* truth, int width, int height, SsimWindows windows)
+double Ssim(const float* image, const float* truth, int width, int height)
 {
-  Require(width >= 1 && height >= 1, "SSIM: the images are ", width, " x ", height,
-          " pixels; both sides must be at least 1.");
-  const bool valid = windows == SsimWindows::Valid;
-  if (valid && (width < kSsimTaps || height < kSsimTaps))
-  {
-    throw Error("SSIM: the images are " + std::to_string(width) + " x " + std::to_string(height) +
-                " pixels, less than one window of 11 x 11; use larger images or windows of the same size.");
-  }
+  Require(width >= kSsimTaps && height >= kSsimTaps, "SSIM: the images are ", width, " x ", height,
+          " pixels, less than one window of 11 x 11; use larger images.");
   const std::array<double, kSsimTaps> kernel = SsimKernel();
-  const int margin = valid ? kSsimRadius : 0;  // of window centres, from the edge
-  std::vector<double> rows(height - 2 * margin);
-  tbb::parallel_for(0, static_cast<int>(rows.size()),
-                    [&](int row) {
-                      rows[row] = SumSsim({image, truth, width, height}, kernel, row + margin, margin);
+  std::vector<double> rows(height - 2 * kSsimRadius);
+  tbb::parallel_for(std::size_t(0), rows.size(),
+                    [&](std::size_t row) {
+                      rows[row] = SumSsim({image, truth, width}, kernel, row);
                     });
-  return SumInOrder(rows) / (static_cast<double>(rows.size()) * (width - 2 * margin));
+  return SumInOrder(rows) / (static_cast<double>(rows.size()) * (width - 2 * kSsimRadius));
 }
 
 }  // namespace bigus

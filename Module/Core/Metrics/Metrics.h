@@ -13,14 +13,8 @@ namespace bigus
 /// Peak signal-to-noise ratio, dB: 10 log10(1 / mean squared error); +infinity for identical images.
 double Psnr(const float* image, const float* truth, std::size_t numberOfPixels);
 
-enum class SsimWindows
-{
-  Valid,  ///< only 11 x 11 windows wholly inside the image (what we report, and what scikit-image computes)
-  Same    ///< one window a pixel, zeros beyond the edge (what splatting papers report)
-};
-
 /// Mean structural similarity: Gaussian window 11 x 11, sigma 1.5, K1 = 0.01, K2 = 0.03, range 1, population
-/// variance. An image smaller than 11 x 11 throws Error for Valid.
-double Ssim(const float* image, const float* truth, int width, int height, SsimWindows windows = SsimWindows::Valid);
+/// variance. Windows lie wholly inside the image: one smaller than 11 x 11 throws Error.
+double Ssim(const float* image, const float* truth, int width, int height);
 
 }  // namespace bigus
