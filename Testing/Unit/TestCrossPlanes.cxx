@@ -25,22 +25,6 @@ using bigus::test::BlackSweep;
 namespace
 {
 
-constexpr int kWidth = 12, kHeight = 96;  // 24 gaps of four pixels
-
-PowerAlong PowerOf(const std::function<double(int, int)>& intensity)
-{
-  std::vector<float> picture;
-  for (int j = 0; j < kHeight; ++j)
-  {
-    for (int i = 0; i < kWidth; ++i)
-    {
-      picture.push_back(static_cast<float>(intensity(i, j)));
-    }
-  }
-  const std::vector<std::uint8_t> all(picture.size(), 1);
-  return bigus::MeasurePowerAlong(picture.data(), all.data(), kWidth, kHeight).value();
-}
-
 /// 20 frames 0.8 mm apart, with grey noise.
 std::shared_ptr<Sweep> NoisySweep()
 {
@@ -53,15 +37,32 @@ std::shared_ptr<Sweep> NoisySweep()
   return sweep;
 }
 
+/// Of pictures of the cross-planes, four rows a gap; `intensity` is of a plane's pixel i, j.
+PowerAlong PowerOf(const Sweep& sweep, const std::function<double(const SlicePlane&, int, int)>& intensity)
+{
+  const auto draw = [&](const SlicePlane& plane, float* picture)
+  {
+    for (int j = 0; j < plane.height; ++j)
+    {
+      for (int i = 0; i < plane.width; ++i)
+      {
+        *picture++ = static_cast<float>(intensity(plane, i, j));
+      }
+    }
+  };
+  return bigus::CrossPlaneScorer(sweep, AllFrames(sweep)).Score(draw).value().power;
+}
+
 }  // namespace
 
 TEST(PowerAlong, OfAWaveIsHalfItsSquareInItsBand)
 {
+  const auto sweep = NoisySweep();
   for (int i : {0, 3})  // across the sweep it may be anything
   {
-    const auto wave = [i](double gaps)
+    const auto wave = [&](double gaps)
     {
-      return PowerOf([gaps, i](int column, int j)
+      return PowerOf(*sweep, [gaps, i](const SlicePlane&, int column, int j)
                      { return 0.5 + 0.1 * std::sin(2 * bigus::kPi * j / (4 * gaps) + i * column); });
     };
     for (double gaps : {2.7, 4.0})  // long waves: what frames show
@@ -75,7 +76,7 @@ TEST(PowerAlong, OfAWaveIsHalfItsSquareInItsBand)
       EXPECT_LT(wave(gaps).within, 1e-5) << gaps;
     }
   }
-  const PowerAlong still = PowerOf([](int i, int) { return 0.3 + 0.05 * i; });
+  const PowerAlong still = PowerOf(*sweep, [](const SlicePlane&, int i, int) { return 0.3 + 0.05 * i; });
   EXPECT_LT(still.within + still.beyond, 1e-12);
 }
 
@@ -83,11 +84,11 @@ TEST(PowerAlong, OfWhiteNoiseIsSpreadEvenly)
 {
   bigus::test::Random random(3);
   PowerAlong mean;
-  for (int k = 0; k < 40; ++k)
+  for (int k = 0; k < 20; ++k)
   {
-    const PowerAlong power = PowerOf([&](int, int) { return random.Uniform(0, 1); });
-    mean.within += power.within / 40;
-    mean.beyond += power.beyond / 40;
+    const PowerAlong power = PowerOf(*NoisySweep(), [&](const SlicePlane&, int, int) { return random.Uniform(0, 1); });
+    mean.within += power.within / 20;
+    mean.beyond += power.beyond / 20;
   }
   // Of 32 frequencies of both signs 1 to 4 are within, 6 to 16 beyond; the taper costs the lowest some of the mean.
   EXPECT_NEAR(mean.beyond, 21.0 / 32 / 12, 0.002);
@@ -96,15 +97,25 @@ TEST(PowerAlong, OfWhiteNoiseIsSpreadEvenly)
 
 TEST(PowerAlong, CountsWholeWindowsOnly)
 {
-  std::vector<float> picture(kWidth * kHeight, 0.5f);
-  std::vector<std::uint8_t> counted(picture.size(), 1);
-  for (int i = 0; i < kWidth; ++i)
+  // From the fourteenth frame on the first columns are not seen: what pictures show there does not count.
+  const auto sweep = NoisySweep();
+  const double seen = sweep->Plane(12).origin[2], left = sweep->Plane(0).Point(4, 0)[0];
+  const auto power = [&]
   {
-    picture[50 * kWidth + i] = 1.0f;
-    counted[50 * kWidth + i] = 0;
+    return PowerOf(*sweep,
+                   [&](const SlicePlane& plane, int i, int j)
+                   {
+                     const Eigen::Vector3d x = plane.Point(i, j);
+                     return x[0] < left - 0.01 && x[2] > seen + 0.01 && j % 2 == 0 ? 1.0 : 0.5;
+                   })
+        .beyond;
+  };
+  EXPECT_GT(power(), 1e-4);
+  for (int frame = 13; frame < 20; ++frame)
+  {
+    sweep->imageToReference[frame](0, 3) += 4 * 0.4;
   }
-  EXPECT_LT(bigus::MeasurePowerAlong(picture.data(), counted.data(), kWidth, kHeight)->beyond, 1e-12);
-  EXPECT_FALSE(bigus::MeasurePowerAlong(picture.data(), counted.data(), kWidth, 31));
+  EXPECT_LT(power(), 1e-12);
 }
 
 TEST(CrossPlanes, LieAlongTheSweepWithinItsFrames)

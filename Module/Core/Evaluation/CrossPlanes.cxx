@@ -58,11 +58,6 @@ struct PowerSum
     power.beyond += other.power.beyond;
     windows += other.windows;
   }
-
-  std::optional<PowerAlong> Mean() const
-  {
-    return windows > 0 ? std::optional(PowerAlong{power.within / windows, power.beyond / windows}) : std::nullopt;
-  }
 };
 
 PowerSum SumPowerAlong(const float* picture, const std::uint8_t* counted, int width, int height)
@@ -107,6 +102,7 @@ PowerSum SumPowerAlong(const float* picture, const std::uint8_t* counted, int wi
   return sum;
 }
 
+/// Nothing where no window fits.
 std::optional<PowerAlong> MeanPower(const std::vector<CrossPlane>& planes,
                                     const std::function<void(const SlicePlane&, float*)>& predict)
 {
@@ -117,7 +113,8 @@ std::optional<PowerAlong> MeanPower(const std::vector<CrossPlane>& planes,
     predict(cross.plane, picture.data());
     sum.Add(SumPowerAlong(picture.data(), cross.enclosed.data(), cross.plane.width, cross.plane.height));
   }
-  return sum.Mean();
+  return sum.windows > 0 ? std::optional(PowerAlong{sum.power.within / sum.windows, sum.power.beyond / sum.windows})
+                         : std::nullopt;
 }
 
 }  // namespace
@@ -162,11 +159,6 @@ std::vector<CrossPlane> MakeCrossPlanes(const Sweep& sweep, const std::vector<in
     planes.push_back(std::move(cross));
   }
   return planes;
-}
-
-std::optional<PowerAlong> MeasurePowerAlong(const float* picture, const std::uint8_t* counted, int width, int height)
-{
-  return SumPowerAlong(picture, counted, width, height).Mean();
 }
 
 CrossPlaneScorer::CrossPlaneScorer(const Sweep& sweep, const std::vector<int>& training)

@@ -31,7 +31,9 @@ struct CrossPlane
 std::vector<CrossPlane> MakeCrossPlanes(const Sweep& sweep, const std::vector<int>& frames, int each, double step,
                                         int stride = 1);
 
-/// Power of a picture along j, as variance: a wave of amplitude a has a^2 / 2.
+/// Power of pictures along j, as variance: a wave of amplitude a has a^2 / 2. Mean over all windows of 8 gaps (32 pixels,
+/// stride 16, Hann's taper, mean removed) along j whose pixels are all enclosed. Between the two bands lies one frequency
+/// that belongs to neither, because the taper spreads each over its neighbours.
 struct PowerAlong
 {
   double within = 0;  ///< below the frames' Nyquist frequency, 1 / (2 d); the mean has no part in it
@@ -40,11 +42,6 @@ struct PowerAlong
 
 /// Samples a gap of the frames; what is finer than half of that would be missed.
 constexpr int kSamplesPerGap = 4;
-
-/// Mean over all windows of 8 gaps (32 pixels, stride 16, Hann's taper, mean removed) along j whose pixels all count,
-/// with kSamplesPerGap pixels a gap. Between the two bands lies one frequency that belongs to neither, because the taper
-/// spreads each over its neighbours. Nothing when no window fits. Sums are in double and in order.
-std::optional<PowerAlong> MeasurePowerAlong(const float* picture, const std::uint8_t* counted, int width, int height);
 
 /// A method's pictures of cross-planes beside linear interpolation between the frames (PredictPoseInterpolation), over
 /// the same pixels.
