@@ -192,14 +192,13 @@ RigidAlignment AlignFrame(Engine& engine, const Sweep& sweep, int frame)
   Prediction prediction = problem.Evaluate(q);
   RigidAlignment out;
   out.plane = sweep.Plane(frame);
-  out.residualBefore = problem.RootMeanSquare(prediction.cost);
 
-  if (problem.HasContrast() && out.residualBefore > kRoundingOfI)
+  if (problem.HasContrast() && problem.RootMeanSquare(prediction.cost) > kRoundingOfI)
   {
     LevenbergMarquardtOptions descent;
     descent.iterations = kMostSteps;
     descent.ridge = 1e-3;
-    out.iterations = MinimiseByLevenbergMarquardt(problem, descent, q, prediction);
+    MinimiseByLevenbergMarquardt(problem, descent, q, prediction);
   }
   if (!q.isZero(0))
   {
@@ -207,7 +206,6 @@ RigidAlignment AlignFrame(Engine& engine, const Sweep& sweep, int frame)
   }
   out.translation = problem.Translation(q).norm();
   out.rotation = problem.Rotation(q).norm();
-  out.residualAfter = problem.RootMeanSquare(prediction.cost);
   return out;
 }
 

@@ -20,12 +20,9 @@ SlicePlane Moved(const SlicePlane& plane, const Eigen::Vector3d& translation, co
 
 struct RigidAlignment
 {
-  SlicePlane plane;           ///< where the frame fits best; of the frame's full size
-  double translation = 0;     ///< mm, length of the shift of the image's centre
-  double rotation = 0;        ///< degrees
-  double residualBefore = 0;  ///< root mean square difference of intensity at the tracked pose, lit pixels compared
-  double residualAfter = 0;   ///< the same at `plane`; never larger
-  int iterations = 0;         ///< Gauss-Newton steps taken
+  SlicePlane plane;  ///< where the frame fits best, never worse than at its tracked pose; of the frame's full size
+  double translation = 0;  ///< mm, length of the shift of the image's centre
+  double rotation = 0;     ///< degrees
 };
 
 /// Moves `frame` of the sweep to where the field that the engine holds explains it best, from its tracked pose by at most
