@@ -295,11 +295,6 @@ bool PoseCsv::IsBeforeHeader(std::string_view line)
   return text.empty() || (text[0] == '#' && !isHeader) || text.rfind("sep=", 0) == 0;
 }
 
-bool PoseCsv::IsBlank(const std::string& line)
-{
-  return Trimmed(line).empty();
-}
-
 PoseCsv::Row PoseCsv::Parse(const std::string& line, std::size_t number) const
 {
   Row row;
@@ -413,7 +408,7 @@ void ReadPoseCsv(SequenceFile& file, InputFile& input, const ImageOptions& optio
       file.comments.emplace_back(Trimmed(std::string_view(line).substr(1)));
       continue;
     }
-    if (PoseCsv::IsBlank(line))
+    if (Trimmed(line).empty())
     {
       continue;
     }

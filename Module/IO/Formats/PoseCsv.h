@@ -33,8 +33,7 @@ public:
   /// Whether a line may come before the header: blank, a comment, or a spreadsheet's note of its separator.
   static bool IsBeforeHeader(std::string_view line);
 
-  /// Whether a line holds no row.
-  static bool IsBlank(const std::string& line);
+  /// Whether a line that is not blank holds no row.
   static bool IsComment(const std::string& line) { return !line.empty() && line[0] == '#'; }
 
   /// Throws FileError for a line that is no row of this table. `number` counts rows from 0.
