@@ -960,7 +960,8 @@ struct Compared
 {
   std::vector<Cell> cells;
   std::size_t pairs = 0;  // that have any cell
-  double misplacement = 0;
+  double misplacement =
+      0;  // mm, root mean square on an axis: how far speckle puts frames beside their poses, in the plane
 };
 
 Compared CompareFrames(const Sweep& sweep, const Images& images, const std::vector<int>& frames, int size,
@@ -1142,13 +1143,12 @@ ElevationEstimate EstimateElevationSigma(const Sweep& sweep, const std::vector<i
   const SlicePlane plane = sweep.Plane(frames[0]);
   const Model model(size, speckle.size, {plane.columnStep.norm(), plane.rowStep.norm()});
   const Fit posedFit = FitAsPosed(compared.cells, model);
-  result.misplacement = compared.misplacement;
   std::vector<Cell> cells = compared.cells;
   Fit fit = posedFit;
   std::vector<double> heights(frames.size(), 0.0);
-  for (int round = 0; round < kHeightRounds && result.misplacement > 0 && fit.cost > 0; ++round)
+  for (int round = 0; round < kHeightRounds && compared.misplacement > 0 && fit.cost > 0; ++round)
   {
-    MeasureHeights(compared.cells, model, fit, result.misplacement, heights);
+    MeasureHeights(compared.cells, model, fit, compared.misplacement, heights);
     cells = Raised(compared.cells, heights);
     fit = Descend(cells, model, model.Low(), model.High(), fit.parameters, -1);
   }

@@ -19,8 +19,6 @@ struct ElevationEstimate
   double sigma = 0;          ///< mm, standard deviation of the two-way amplitude profile across the plane
   double standardError = 0;  ///< mm, from leaving out an eighth of the sweep at a time
   bool reliable = false;
-  double misplacement =
-      0;  ///< mm, root mean square on an axis: how far speckle puts frames beside their poses, in the plane
   std::string reason;               ///< empty when reliable
   std::vector<double> distance;     ///< mm between planes, increasing: the curve's bins
   std::vector<double> correlation;  ///< [distance] measured correlation of log-compressed speckle
