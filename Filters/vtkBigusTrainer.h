@@ -211,8 +211,6 @@ public:
    * l1, or l1+30*contrast for texture.
    */
   vtkBigusTextOptionMacro(Loss);
-  /** The loss at the end; its weights are reached linearly from those of Loss. Default: auto, Loss stays as it is. */
-  vtkBigusTextOptionMacro(FinalLoss);
   /** What computes: auto (the fastest present) or a name from 'bigus info --devices'. Default: auto. */
   vtkBigusTextOptionMacro(Engine);
 

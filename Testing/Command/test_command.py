@@ -229,7 +229,7 @@ class Help(CommandTest):
         text = run("train", "--help").stdout
         for option in ("--auto", "--no-auto", "--max-gaussians", "--price", "--signed", "--positive", "--virtual-planes",
                        "--interpolation", "--frame-gains", "--pose-smoothing",
-                       "--preset", "--loss", "--final-loss", "--validation", "--output", "--gaussians", "--elevation-sigma", "--hold-out", "--reduce", "--iterations",
+                       "--preset", "--loss", "--validation", "--output", "--gaussians", "--elevation-sigma", "--hold-out", "--reduce", "--iterations",
                        "--time-limit", "--seed", "--config", "--image-to", "--log"):
             self.assertIn(option, text)
 
@@ -337,7 +337,6 @@ class Usage(CommandTest):
                "--frame-gains": ["maybe", "", "1"],
                "--pose-smoothing": ["-1", "1001", "nan", "on"],
                "--preset": ["", "beauty", "Texture "],
-               "--final-loss": ["l3", "l1+"],
                "--loss": ["l3", "", "l1+", "-1*l1", "0*l1", "nan*l2"]}
         for option, values in bad.items():
             for value in values:
@@ -911,11 +910,11 @@ class Train(CommandTest):
     def test_forced_choices_are_obeyed_and_reported(self):
         path = self.folder / "f.vtp"
         forced = ["--signed", "--virtual-planes", 1, "--interpolation", "probe+flow", "--frame-gains", "on",
-                  "--pose-smoothing", 0, "--elevation-sigma", 0.55, "--final-loss", "l2",
+                  "--pose-smoothing", 0, "--elevation-sigma", 0.55, "--loss", "l2",
                   "--probe-elevation-sigma", 0.9]
         settled = {"gaussians": 400, "elevation_sigma": 0.55, "signed_reflectivity": True, "virtual_planes": 1,
                    "interpolation": "probe+flow", "frame_gains": True, "pose_smoothing": 0,
-                   "iterations": 12, "loss": "l1", "final_loss": "l2"}
+                   "iterations": 12, "loss": "l2"}
         answer = self.expect(SUCCESS, "train", self.sweep, "-o", path, *TINY, *forced)
         self.assertEqual({name: answer["settled"][name] for name in settled}, settled)
         self.assertEqual(answer["decisions"], [], "nothing is decided with --no-auto")
@@ -968,7 +967,7 @@ class Train(CommandTest):
                                     ("--hold-out", 1, "hold out is 1; it must be 0 or 2 to 1000000"),
                                     ("--batch", 2.5, "batch is 2.5; it must be 1 to 4096"),
                                     ("--frame-gains", "perhaps", "frame gains is 'perhaps'; it must be on|off"),
-                                    ("--final-loss", "l3", "final loss: ")):
+                                    ("--loss", "l3", "loss: ")):
             self.expect(USAGE, "train", self.sweep, "-o", self.folder / "f.vtp", option, value, says=says)
 
     def test_a_named_interpolation_keeps_contrast_where_the_preset_asks_for_it(self):

@@ -266,7 +266,6 @@ TEST(Trainer, SettledChoicesAreInTheProvenance)
   EXPECT_LE(field->GetNumberOfPoints(), 1000);
   EXPECT_EQ(GetProvenance(field, "gaussians"), std::to_string(field->GetNumberOfPoints()));
   EXPECT_EQ(GetProvenance(field, "loss"), "l1");
-  EXPECT_EQ(GetProvenance(field, "finalLoss"), "");
   EXPECT_EQ(GetProvenance(field, "elevationSigma"), "0");
   EXPECT_EQ(GetProvenance(field, "signedReflectivity"), "on");
   EXPECT_EQ(GetProvenance(field, "virtualPlanes"), "2");
@@ -285,10 +284,8 @@ TEST(Trainer, SettledChoicesAreInTheProvenance)
   EXPECT_EQ(GetProvenance(field, "frameGains"), "on");
 
   quick.trainer->SetLoss("l2");  // wins over the preset
-  quick.trainer->SetFinalLoss("l1");
   quick.trainer->Update();
   EXPECT_EQ(GetProvenance(quick.trainer->GetOutput(), "loss"), "l2");
-  EXPECT_EQ(GetProvenance(quick.trainer->GetOutput(), "finalLoss"), "l1");
 }
 
 TEST(Trainer, DecidesWhatIsLeftOpenAndSaysWhy)
@@ -348,7 +345,7 @@ TEST(TrainerBadInput, OptionsOutOfRange)
   expect([](vtkBigusTrainer* f) { f->SetPrice(std::nan("")); }, {"price is nan", "0 to 100 dB"});
   expect([](vtkBigusTrainer* f) { f->SetInterpolation("sideways"); }, {"interpolation", "sideways", "+flow"});
   expect([](vtkBigusTrainer* f) { f->SetPreset("beauty"); }, {"preset", "beauty", "fidelity", "texture"});
-  expect([](vtkBigusTrainer* f) { f->SetFinalLoss("l1+l3"); }, {"final loss", "l1+l3", "dssim"});
+  expect([](vtkBigusTrainer* f) { f->SetLoss("l1+l3"); }, {"loss", "l1+l3", "dssim"});
   expect([](vtkBigusTrainer* f) { f->SetLoss("-1*ffl"); }, {"loss", "ffl", "-1"});
   expect([](vtkBigusTrainer* f) { f->SetGaussians(vtkIdType(1) << 40); }, {"gaussians is 1099511627776", "67108864"});
   expect([](vtkBigusTrainer* f) { f->SetHoldOut(1); }, {"hold out is 1", "0 or 2"});

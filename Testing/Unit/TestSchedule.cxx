@@ -91,20 +91,6 @@ TEST(Schedule, AFieldToContinueFromGetsSmallerSteps)
   EXPECT_NEAR(RateLeft(plan, 40, {}), 1, 1e-12) << "the most";
 }
 
-TEST(Schedule, TheLossMovesToTheFinalOne)
-{
-  TrainingPlan plan = PlanOfStages();
-  plan.loss.l1 = 1;
-  plan.loss.dssim = 0;
-  EXPECT_EQ(LossAt(plan, 0.5).l1, 1);
-  plan.finalLoss = plan.loss;
-  plan.finalLoss->l1 = 0;
-  plan.finalLoss->dssim = 0.5;
-  EXPECT_DOUBLE_EQ(LossAt(plan, 0.25).l1, 0.75);
-  EXPECT_DOUBLE_EQ(LossAt(plan, 0.25).dssim, 0.125);
-  EXPECT_DOUBLE_EQ(LossAt(plan, 1).l1, 0);
-}
-
 TEST(Schedule, FewStepsAreTakenSmall)
 {
   EXPECT_EQ(bigus::PartsOfBatch(499, 8), 4u);

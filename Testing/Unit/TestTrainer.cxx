@@ -297,28 +297,6 @@ TEST(Trainer, ANamedInterpolationKeepsContrastWhereThePresetAsksForIt)
   EXPECT_FALSE(bigus::Train(sweep, named).settled.interpolation->keepContrast);
 }
 
-// The first step is all of the first loss, the last nearly all of the final one.
-TEST(Trainer, TheLossMovesToTheFinalOne)
-{
-  const auto sweep = bigus::test::RenderedSweep();
-  const auto firstStep = [&](const TrainerOptions& options)
-  {
-    TrainerOptions one = options;
-    one.iterations = 1;
-    return bigus::Train(sweep, one).log.at(0).loss;
-  };
-  const auto lastLoss = [&](const TrainerOptions& options) { return bigus::Train(sweep, options).log.back().loss; };
-  TrainerOptions stays = Small(), moves = Small(), other = Small();
-  moves.finalLoss = bigus::Loss::Parse("l2");
-  other.loss = *moves.finalLoss;
-  EXPECT_EQ(firstStep(moves), firstStep(stays));
-  EXPECT_NE(firstStep(moves), firstStep(other));
-  // Of nearly the same fields l2 is far below l1, since errors are small; at the end the loss is nearly all l2.
-  const double l1 = lastLoss(stays), l2 = lastLoss(other), last = lastLoss(moves);
-  EXPECT_LT(last, 0.2 * l1);
-  EXPECT_LT(std::abs(last - l2), std::abs(last - l1));
-}
-
 TEST(Trainer, PositiveReflectivityStaysPositive)
 {
   const auto sweep = bigus::test::RenderedSweep();

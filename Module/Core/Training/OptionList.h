@@ -116,9 +116,6 @@ void ForEachOption(Options& options, const Visit& visit)
   visit(OptionInfo{"Loss", course, "What is made small: l1, l2, dssim, ffl, contrast or a sum such as 0.8*l1+0.2*dssim",
                    0, 0, "", "the preset's: l1, or l1+30*contrast for texture"},
         options.loss);
-  visit(OptionInfo{"FinalLoss", course, "The loss at the end; its weights are reached linearly from those of Loss", 0,
-                   0, "", "Loss stays as it is"},
-        options.finalLoss);
   visit(OptionInfo{"Engine", course, "What computes: auto (the fastest present) or a name from 'bigus info --devices'"},
         options.engine);
 

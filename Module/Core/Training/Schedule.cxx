@@ -130,23 +130,6 @@ LearningRates Scaled(const LearningRates& rates, double factor)
   return {rates.mean * factor, rates.logScale * factor, rates.rotation * factor, rates.reflectivity * factor};
 }
 
-Loss LossAt(const TrainingPlan& plan, double fraction)
-{
-  if (!plan.finalLoss)
-  {
-    return plan.loss;
-  }
-  const auto mix = [fraction](double a, double b) { return (1 - fraction) * a + fraction * b; };
-  const Loss &a = plan.loss, &b = *plan.finalLoss;
-  Loss loss;
-  loss.l1 = mix(a.l1, b.l1);
-  loss.l2 = mix(a.l2, b.l2);
-  loss.dssim = mix(a.dssim, b.dssim);
-  loss.ffl = mix(a.ffl, b.ffl);
-  loss.contrast = mix(a.contrast, b.contrast);
-  return loss;
-}
-
 std::size_t PartsOfBatch(double stepsInAll, std::size_t batch)
 {
   const std::size_t wanted = stepsInAll < kQuarteredSteps ? 4 : stepsInAll < kHalvedSteps ? 2 : 1;

@@ -49,9 +49,6 @@ double RateLeft(const TrainingPlan& plan, std::size_t frames, const Moment& now)
 
 LearningRates Scaled(const LearningRates& rates, double factor);
 
-/// The loss a fraction of the way through training.
-Loss LossAt(const TrainingPlan& plan, double fraction);
-
 /// In how many parts a step takes its batch where there are so many steps in all: more, smaller steps where they are few.
 std::size_t PartsOfBatch(double stepsInAll, std::size_t batch);
 

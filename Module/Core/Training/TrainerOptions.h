@@ -38,7 +38,6 @@ struct TrainingSettings
   int patience = 10;               ///< evaluations without a better validation PSNR before stopping, >= 1
   double timeLimit = 0;            ///< seconds, all included, 0 = none; the rate schedule is fitted to it
   int batch = 8;                   ///< frames a step, 1 to 4096
-  std::optional<Loss> finalLoss;   ///< weights move linearly from `loss` to these during training; empty: they stay
   bool ignoreMasked = false;       ///< true: no pixel never lit counts in the loss; false: those far from lit are black
   double tolerance = 1e-4;         ///< on I, of each splat: Accuracy::perSplat
   double meanRate = 0.3;           ///< Adam step for means, pixels

@@ -109,7 +109,7 @@ Moment TrainingLoop::TakeStep(Lap& lap, double fraction)
   course_.passes += static_cast<double>(batch.size()) / static_cast<double>(targets_.Frames().size());
   const Moment now = Now(fraction);
   const double rate = RateLeft(plan_, frames_.size(), now), steps = StepsInAll(plan_, now);
-  course_.lossSum += Step(batch, steps, LossAt(plan_, fraction), Scaled(course_.rates, rate));
+  course_.lossSum += Step(batch, steps, plan_.loss, Scaled(course_.rates, rate));
   ++course_.lossCount;
   ++course_.iteration;
   if (IsDensified(plan_, course_.iteration, fraction))
@@ -218,8 +218,7 @@ GaussianField TrainingLoop::Settle(const std::vector<int>& validationFrames)
   for (int k = 1; done < 1; ++k)
   {
     done = SettlingDone(k, exchange_.OfFirst(watch.Seconds()));
-    Step(batches.Next(), plan_.iterations, LossAt(plan_, now.fraction),
-         Scaled(course_.rates, rate * SettlingRate(done)));
+    Step(batches.Next(), plan_.iterations, plan_.loss, Scaled(course_.rates, rate * SettlingRate(done)));
     if (IsSettled(done))
     {
       average.Add(engine_->GetPart().field);

@@ -135,7 +135,7 @@ private:
     const std::vector<Eigen::Vector3d> directions = Directions(batch);
     const std::vector<float> values = Reflectivities(directions);
     std::vector<float> derivatives;
-    walker_.Backpropagate(batch, LossAt(plan_, 1), values, derivatives);
+    walker_.Backpropagate(batch, plan_.loss, values, derivatives);
     engine_.Step(rates, targets_.limits);
     StepTerms(directions, derivatives, rates.reflectivity);
     ++step_;
