@@ -58,6 +58,14 @@ Eigen::Matrix3d AxesOf(const SlicePlane& plane)
   return axes;
 }
 
+Eigen::Matrix4d Followed(const Eigen::Matrix4d& pose, const SlicePlane& from, const SlicePlane& to)
+{
+  Eigen::Affine3d motion = Eigen::Affine3d::Identity();
+  motion.linear() = AxesOf(to) * AxesOf(from).transpose();
+  motion.translation() = to.origin - motion.linear() * from.origin;
+  return motion.matrix() * pose;
+}
+
 Eigen::Vector3d CentreOf(const SlicePlane& plane)
 {
   return plane.Point(0.5 * (plane.width - 1), 0.5 * (plane.height - 1));

@@ -52,6 +52,9 @@ struct SlicePlane
 /// An orthonormal frame of the plane: along its rows, in the plane across them, along its normal.
 Eigen::Matrix3d AxesOf(const SlicePlane& plane);
 
+/// `pose` moved as a plane that was `from` and is `to`. A motion, because a pose has a third column of its own.
+Eigen::Matrix4d Followed(const Eigen::Matrix4d& pose, const SlicePlane& from, const SlicePlane& to);
+
 /// The middle of the plane's pixels.
 Eigen::Vector3d CentreOf(const SlicePlane& plane);
 

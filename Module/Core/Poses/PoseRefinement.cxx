@@ -416,11 +416,8 @@ std::vector<Eigen::Matrix4d> PoseRefinement::Poses(const RefinementPrior& prior,
   std::vector<Eigen::Matrix4d> poses = sweep_.imageToReference;
   for (int frame = 0; frame < sweep_.NumberOfFrames(); ++frame)
   {
-    const SlicePlane from = sweep_.Plane(frame), to = MovedBy(from, MotionOf(frame, motions), lever_);
-    Eigen::Affine3d moved = Eigen::Affine3d::Identity();
-    moved.linear() = AxesOf(to) * AxesOf(from).transpose();
-    moved.translation() = to.origin - moved.linear() * from.origin;
-    poses[frame] = moved.matrix() * poses[frame];
+    const SlicePlane from = sweep_.Plane(frame);
+    poses[frame] = Followed(poses[frame], from, MovedBy(from, MotionOf(frame, motions), lever_));
   }
   return poses;
 }

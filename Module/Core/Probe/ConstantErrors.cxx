@@ -1101,13 +1101,7 @@ std::vector<Eigen::Matrix4d> CorrectedPoses(const Sweep& sweep, const Vector& q)
   std::vector<Eigen::Matrix4d> poses;
   for (int k = 0; k < sweep.NumberOfFrames(); ++k)
   {
-    // The motion rather than the plane, because a matrix has a third column of its own.
-    const SlicePlane& from = path.Recorded(k);
-    const SlicePlane to = path.Corrected(k, q);
-    Eigen::Affine3d motion = Eigen::Affine3d::Identity();
-    motion.linear() = AxesOf(to) * AxesOf(from).transpose();
-    motion.translation() = to.origin - motion.linear() * from.origin;
-    poses.push_back(motion.matrix() * sweep.imageToReference[k]);
+    poses.push_back(Followed(sweep.imageToReference[k], path.Recorded(k), path.Corrected(k, q)));
   }
   return poses;
 }
