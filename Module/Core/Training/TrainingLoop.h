@@ -99,6 +99,7 @@ private:
 
   int FirstCoarsenessFor(std::size_t gaussians) const;
   GaussianField Load(Start start);
+  void SetTargets();
   CourseBounds Bounds() const;
   Moment Now(double fraction) const { return {course_.iteration, fraction, course_.passes, course_.isFirstStage}; }
   bool EnterSecondStage(Lap& lap);

@@ -67,6 +67,19 @@ GaussianField TrainingLoop::Load(Start start)
   return field;
 }
 
+/// What the stage trains on.
+void TrainingLoop::SetTargets()
+{
+  if (course_.isFirstStage)
+  {
+    targets_.SetFrames(course_.coarseness);
+  }
+  else
+  {
+    targets_.SetPlanes(course_.second);
+  }
+}
+
 void TrainingLoop::Begin(Start start)
 {
   course_ = Course();
@@ -77,15 +90,8 @@ void TrainingLoop::Begin(Start start)
     course_.coarseness = FirstCoarsenessFor(field.Size());
   }
   course_.isFirstStage = HasFirstStage(plan_);
-  if (course_.isFirstStage)
-  {
-    targets_.SetFrames(course_.coarseness);
-  }
-  else
-  {
-    course_.second.planes = plan_.iterations > 0 ? plan_.virtualPlanes : 0;
-    targets_.SetPlanes(course_.second);
-  }
+  course_.second.planes = !course_.isFirstStage && plan_.iterations > 0 ? plan_.virtualPlanes : 0;
+  SetTargets();
   if (plan_.densification.interval > 0)
   {
     engine_->ResetScores();
@@ -106,14 +112,7 @@ void TrainingLoop::Resume(std::string_view state)
   StateReader::Require(engine_->FieldSize() > 0, "a field of no Gaussian");
   StateReader::Require(course_.average.count == 0 || course_.average.mean.Size() == engine_->GetPart().field.Size(),
                        "the average of another field");
-  if (course_.isFirstStage)
-  {
-    targets_.SetFrames(course_.coarseness);
-  }
-  else
-  {
-    targets_.SetPlanes(course_.second);
-  }
+  SetTargets();
   if (course_.corrections > 0)
   {
     targets_.Correct(course_.corrected);
