@@ -12,7 +12,6 @@
 #include <utility>
 
 #include "Core/Model/Error.h"
-#include "Core/Model/PoseAxes.h"
 #include "Core/Model/SlicePlane.h"
 #include "Core/Numerics/Constants.h"
 #include "Core/Numerics/Format.h"

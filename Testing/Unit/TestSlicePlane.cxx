@@ -7,7 +7,6 @@
 #include <limits>
 
 #include "Core/Model/Error.h"
-#include "Core/Model/PoseAxes.h"
 #include "Core/Model/SlicePlane.h"
 #include "Support/Errors.h"
 #include "Support/Random.h"

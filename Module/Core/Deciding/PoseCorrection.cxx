@@ -16,7 +16,7 @@
 #include <utility>
 
 #include "Core/Deciding/DecisionRules.h"
-#include "Core/Model/PoseAxes.h"
+#include "Core/Model/SlicePlane.h"
 #include "Core/Numerics/Constants.h"
 #include "Core/Numerics/Format.h"
 #include "Core/Numerics/OpenCv.h"
