@@ -8,7 +8,6 @@
 #include "Core/Engine/ViewEngine.h"
 #include "Core/Evaluation/Baselines.h"
 #include "Core/Evaluation/Compounding.h"
-#include "Core/Evaluation/Deviation.h"
 #include "Core/Metrics/Metrics.h"
 #include "Core/Model/Error.h"
 #include "Core/Numerics/Statistics.h"

@@ -5,6 +5,7 @@
 #pragma once
 
 #include <algorithm>
+#include <cmath>
 #include <cstddef>
 #include <limits>
 #include <vector>
@@ -38,6 +39,13 @@ inline double MeanSquare(const std::vector<double>& values, double centre)
     squares += (value - centre) * (value - centre);
   }
   return squares / static_cast<double>(values.size());
+}
+
+/// Population standard deviation; 0 where the mean is not finite, as of PSNRs where a picture was met exactly.
+inline double Deviation(const std::vector<double>& values)
+{
+  const double mean = Mean(values);
+  return std::isfinite(mean) ? std::sqrt(MeanSquare(values, mean)) : 0;
 }
 
 /// numerator / denominator of numbers that are not negative; where the denominator is 0, infinite, or 0 for 0 / 0.

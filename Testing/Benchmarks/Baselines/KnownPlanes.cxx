@@ -6,7 +6,6 @@
 #include <cmath>
 #include <opencv2/imgproc.hpp>
 
-#include "Core/Evaluation/Deviation.h"
 #include "Core/Metrics/Metrics.h"
 #include "Core/Model/Error.h"
 #include "Core/Numerics/Statistics.h"
