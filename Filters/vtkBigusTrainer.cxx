@@ -11,8 +11,6 @@
 
 #include "CollectiveExecutive.h"
 #include "Core/Model/Error.h"
-#include "Core/Trainer/KeptError.h"
-#include "Core/Trainer/ProgressText.h"
 #include "Core/Trainer/Provenance.h"
 #include "Core/Trainer/Trainer.h"
 #include "Core/Training/OptionList.h"

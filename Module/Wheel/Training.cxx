@@ -6,8 +6,6 @@
 
 #include "Arrays.h"
 #include "Core/Model/Error.h"
-#include "Core/Trainer/KeptError.h"
-#include "Core/Trainer/ProgressText.h"
 #include "Core/Trainer/Provenance.h"
 #include "Core/Trainer/Trainer.h"
 #include "Core/Training/OptionList.h"

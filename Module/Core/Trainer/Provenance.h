@@ -1,6 +1,7 @@
 // SPDX-FileCopyrightText: BIGUS authors
 // SPDX-License-Identifier: BSD-3-Clause
-// Where a field comes from, in lines `key=value`.
+// What callers of Train keep beside its field: where it comes from, in lines `key=value`, and what standard errors rest on.
+// And what they say while it runs.
 #pragma once
 
 #include <string>
@@ -26,5 +27,13 @@ void AddTrainingProvenance(std::vector<std::string>& lines, const TrainingResult
 
 /// Numbers of frames as provenance has them: between blanks.
 std::string FrameListText(const std::vector<int>& frames);
+
+/// StandardError::ToBytes of what a training of `recorded` gave, measured on all frames that are not held out, at the poses
+/// that it was trained at. Empty for a training that was stopped, and where measuring would take more than a tenth of
+/// `timeLimit` (s; 0: none). Throws Error where it cannot be had.
+std::string MeasureStandardError(const TrainingResult& result, const Sweep& recorded, double timeLimit);
+
+/// What filters and Python say while a training runs: "iteration 120, loss 0.0123, 14 s left".
+std::string ProgressText(const TrainingProgress& progress);
 
 }  // namespace bigus

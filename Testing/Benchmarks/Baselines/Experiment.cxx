@@ -34,7 +34,7 @@
 #include "Core/Poses/PoseError.h"
 #include "Core/Probe/ElevationEstimate.h"
 #include "Core/StandardError/StandardError.h"
-#include "Core/Trainer/KeptError.h"
+#include "Core/Trainer/Provenance.h"
 #include "Core/Trainer/Trainer.h"
 #include "Core/Training/FrameInterpolation.h"
 #include "Core/Training/OptionList.h"
