@@ -7,7 +7,6 @@
 #include "Data/FieldData.h"
 #include "Data/LabelData.h"
 #include "Data/Progress.h"
-#include "Data/StandardErrorData.h"
 #include "Data/SweepData.h"
 #include "PipelineSupport.h"
 #include "vtkErrorCode.h"

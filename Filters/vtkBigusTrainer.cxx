@@ -18,7 +18,6 @@
 #include "Data/Processes.h"
 #include "Data/Progress.h"
 #include "Data/Provenance.h"
-#include "Data/StandardErrorData.h"
 #include "Data/SweepData.h"
 #include "PipelineSupport.h"
 #include "vtkDoubleArray.h"

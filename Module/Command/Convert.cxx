@@ -6,8 +6,8 @@
 #include <numeric>
 
 #include "Command.h"
+#include "Data/FieldData.h"
 #include "Data/Provenance.h"
-#include "Data/StandardErrorData.h"
 #include "Files.h"
 #include "IO/FieldFile.h"
 #include "IO/Formats/LinearTransform.h"

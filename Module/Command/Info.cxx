@@ -13,7 +13,6 @@
 #include "Core/Poses/Trajectory.h"
 #include "Data/FieldData.h"
 #include "Data/LabelData.h"
-#include "Data/StandardErrorData.h"
 #include "IO/FieldFile.h"
 #include "IO/Formats/VolumeGrid.h"
 #include "Inputs.h"

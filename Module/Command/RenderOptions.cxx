@@ -8,7 +8,6 @@
 
 #include "Data/FieldData.h"
 #include "Data/LabelData.h"
-#include "Data/StandardErrorData.h"
 #include "vtkBigusFieldToImage.h"
 #include "vtkPolyData.h"
 

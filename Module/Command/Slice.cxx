@@ -7,7 +7,7 @@
 #include "Command.h"
 #include "Core/Model/FrameDistance.h"
 #include "Core/StandardError/StandardError.h"
-#include "Data/StandardErrorData.h"
+#include "Data/FieldData.h"
 #include "Exit.h"
 #include "Files.h"
 #include "Inputs.h"

@@ -22,7 +22,6 @@
 #include "Core/Training/OptionList.h"
 #include "Data/FieldData.h"
 #include "Data/Provenance.h"
-#include "Data/StandardErrorData.h"
 #include "Data/SweepData.h"
 #include "Files.h"
 #include "IO/CheckpointFile.h"

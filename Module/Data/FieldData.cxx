@@ -2,6 +2,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "Data/FieldData.h"
 
+#include <cstring>
+
 #include "Core/Model/Error.h"
 #include "Data/Arrays.h"
 #include "Data/FieldShape.h"
@@ -20,11 +22,14 @@
 #include "vtkPoints.h"
 #include "vtkPolyData.h"
 #include "vtkSmartPointer.h"
+#include "vtkUnsignedCharArray.h"
 
 namespace bigus
 {
 namespace
 {
+
+constexpr const char* kStandardErrorArray = "StandardError";
 
 // Where the field's numbers are. The arrays are null when there is no point.
 struct FieldArrays
@@ -251,6 +256,31 @@ void FieldToPolyData(const GaussianField& field, vtkPolyData* polyData)
     reflectivities->SetValue(i, field.reflectivities[i]);
   }
   Assemble(polyData, points, scales, rotations, reflectivities, field.beam, field.transfer);
+}
+
+std::string StandardErrorOf(vtkDataObject* data)
+{
+  vtkAbstractArray* const found = data->GetFieldData()->GetAbstractArray(kStandardErrorArray);
+  auto* const bytes = vtkUnsignedCharArray::SafeDownCast(found);
+  if (found && (!bytes || bytes->GetNumberOfComponents() != 1))
+  {
+    throw Error("Gaussian field: the array StandardError is of " + std::to_string(found->GetNumberOfComponents()) +
+                " components of " + found->GetDataTypeAsString() + "; it holds unsigned char of 1. Remove it.");
+  }
+  return bytes ? std::string(reinterpret_cast<const char*>(bytes->GetPointer(0)),
+                             static_cast<std::size_t>(bytes->GetNumberOfValues()))
+               : std::string();
+}
+
+void ReplaceStandardError(vtkDataObject* data, const std::string& bytes)
+{
+  data->GetFieldData()->RemoveArray(kStandardErrorArray);
+  if (!bytes.empty())
+  {
+    const auto array = NewArray<vtkUnsignedCharArray>(kStandardErrorArray, 1, static_cast<vtkIdType>(bytes.size()));
+    std::memcpy(array->GetPointer(0), bytes.data(), bytes.size());
+    data->GetFieldData()->AddArray(array);
+  }
 }
 
 void ShareField(vtkPolyData* from, vtkPolyData* to)

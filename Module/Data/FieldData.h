@@ -9,6 +9,7 @@
 #pragma once
 
 #include <optional>
+#include <string>
 
 #include "Core/Model/FieldChunks.h"
 #include "Core/Model/GaussianField.h"
@@ -18,6 +19,7 @@
 #ifdef VTK_ABI_NAMESPACE_BEGIN  // from VTK 9.2 on
 VTK_ABI_NAMESPACE_BEGIN
 #endif
+class vtkDataObject;
 class vtkInformationIntegerKey;
 class vtkPolyData;
 #ifdef VTK_ABI_NAMESPACE_END
@@ -42,6 +44,13 @@ VTKBIGUSDATA_EXPORT std::optional<ViewDependence> ViewFromPolyData(vtkPolyData* 
 
 /// Adds that to a field of FieldToPolyData.
 VTKBIGUSDATA_EXPORT void ViewToPolyData(const ViewDependence& view, vtkPolyData* polyData);
+
+/// What the field's standard error rests on (Core/StandardError): the bytes of the field data's array `StandardError`, none
+/// when it is absent. Throws Error for an array that is none of bytes.
+VTKBIGUSDATA_EXPORT std::string StandardErrorOf(vtkDataObject* data);
+
+/// Replaces them; of none the array is removed.
+VTKBIGUSDATA_EXPORT void ReplaceStandardError(vtkDataObject* data, const std::string& bytes);
 
 /// Checks the field in `from` as FieldFromPolyData does and makes `to` that field as FieldToPolyData does, with its
 /// provenance, what it knows of directions, its labels and no other arrays. Arrays of doubles are shared, others are converted. `to` may be `from`.

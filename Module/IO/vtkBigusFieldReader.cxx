@@ -10,7 +10,6 @@
 #include "Data/FieldData.h"
 #include "Data/LabelData.h"
 #include "Data/Provenance.h"
-#include "Data/StandardErrorData.h"
 #include "IO/ErrorCode.h"
 #include "IO/FieldFile.h"
 #include "IO/Text.h"

@@ -10,7 +10,6 @@
 #include "Data/LabelData.h"
 #include "Data/Processes.h"
 #include "Data/Provenance.h"
-#include "Data/StandardErrorData.h"
 #include "IO/ErrorCode.h"
 #include "IO/FieldFile.h"
 #include "vtkInformation.h"

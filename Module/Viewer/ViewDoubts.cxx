@@ -8,7 +8,6 @@
 
 #include "Console.h"
 #include "Data/FieldData.h"
-#include "Data/StandardErrorData.h"
 #include "vtkBigusReslice.h"
 #include "vtkBigusSliceProp.h"
 #include "vtkImageData.h"

@@ -8,7 +8,7 @@
 
 #include "Core/Engine/Engine.h"
 #include "Core/StandardError/StandardError.h"
-#include "Data/StandardErrorData.h"
+#include "Data/FieldData.h"
 #include "Filters/FilterTestSupport.h"
 #include "vtkBigusReslice.h"
 #include "vtkBigusVoxelizer.h"

@@ -16,7 +16,6 @@
 
 #include "Core/Model/FieldRounding.h"
 #include "Data/FieldData.h"
-#include "Data/StandardErrorData.h"
 #include "IO/Formats/Vtp.h"
 #include "SmallFiles.h"
 #include "Support/ErrorObserver.h"
