@@ -118,13 +118,18 @@ void FieldRenderer::UploadHere(const ViewSettings& settings)
 
 void FieldRenderer::UploadField(double sigma)
 {
-  const Beam own = field_.beam;
+  // The field's own beam comes back, also when the engine throws.
+  const struct Kept
+  {
+    Beam& beam;
+    Beam own;
+    ~Kept() { beam = std::move(own); }
+  } kept{field_.beam, field_.beam};
   if (sigma >= 0)
   {
     field_.beam = Beam{sigma};
   }
   parts_->SetField(field_, SeesDirections() ? &*view_ : nullptr, whole_);
-  field_.beam = own;
 }
 
 void FieldRenderer::UploadLabel(double sigma)

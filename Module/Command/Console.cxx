@@ -86,6 +86,7 @@ std::string NoiseText(double translation, double rotation, double corner)
 
 void Console::Print(const std::string& line)
 {
+  const std::lock_guard lock(mutex_);
   EndProgress();
   if (!json)
   {
@@ -100,12 +101,14 @@ void Console::Print(const std::string& pattern, const Json& values)
 
 void Console::Note(const std::string& line)
 {
+  const std::lock_guard lock(mutex_);
   EndProgress();
   std::cerr << Printable(line) << '\n' << std::flush;
 }
 
 void Console::Report(const Json& object)
 {
+  const std::lock_guard lock(mutex_);
   EndProgress();
   if (json)
   {
@@ -133,6 +136,7 @@ bool Console::ShowsBar() const
 
 void Console::Progress(const std::string& job, double fraction, const std::string& text)
 {
+  const std::lock_guard lock(mutex_);
   if (bar == Bar::Tags && !json)
   {
     Tag(job, fraction, text);
@@ -222,6 +226,7 @@ void Console::Tag(const std::string& job, double fraction, const std::string& te
 
 void Console::EndProgress()
 {
+  const std::lock_guard lock(mutex_);
   if (open_ && bar == Bar::Tags)
   {
     std::cout << "<filter-end>\n<filter-name>" << job_ << "</filter-name>\n<filter-time>"

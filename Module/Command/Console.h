@@ -5,6 +5,7 @@
 #pragma once
 
 #include <chrono>
+#include <mutex>
 #include <nlohmann/json_fwd.hpp>
 #include <string>
 
@@ -16,6 +17,7 @@ namespace bigus::command
 /// Keys keep the order they were written in. Numbers that are not finite become null.
 using Json = nlohmann::ordered_json;
 
+/// Its calls may come from several threads.
 class Console
 {
 public:
@@ -51,6 +53,7 @@ private:
   bool ShowsBar() const;
   void Tag(const std::string& job, double fraction, const std::string& text);
 
+  std::recursive_mutex mutex_;
   std::string job_;
   Clock::time_point begin_ = Clock::now();  ///< of the program
   Clock::time_point start_, drawn_;         ///< of the job, of its last drawing

@@ -36,6 +36,7 @@
 #include "Core/Trainer/Trainer.h"
 #include "Data/FieldData.h"
 #include "Data/SweepData.h"
+#include "Support/Fields.h"
 #include "Support/Sweeps.h"
 #include "vtkBigusFieldReader.h"
 #include "vtkBigusFieldWriter.h"
@@ -394,6 +395,39 @@ TEST_F(Allocations, Checkpoints)
                  bigus::Train(sweep, options, nullptr, {}, checkpoints);
                  checkpoints.resume = kept;
                  bigus::Train(sweep, options, nullptr, {}, checkpoints);
+               });
+}
+
+/// An engine that lacked memory for a slice renders it when there is some.
+TEST_F(Allocations, SlicesAgain)
+{
+  bigus::test::Random random(5);
+  const bigus::GaussianField field = bigus::test::RandomField(random, 300, 8.0, 0.7, 2.0, 0.3);
+  const bigus::SlicePlane plane = SmallSweep(1, 32, 24)->Plane(0);
+  const auto render = [&](bigus::Engine& engine)
+  {
+    std::vector<float> image(plane.NumberOfPixels());
+    engine.Render(plane, bigus::ViewOutput::Intensity, image.data());
+    return image;
+  };
+  ExpectErrors("a slice asked for again",
+               [&]
+               {
+                 const std::unique_ptr<bigus::Engine> engine = bigus::Engine::Create("cpu");
+                 engine->SetField(field);
+                 try
+                 {
+                   render(*engine);
+                 }
+                 catch (const std::bad_alloc&)
+                 {
+                 }
+                 const std::unique_ptr<bigus::Engine> other = bigus::Engine::Create("cpu");
+                 other->SetField(field);
+                 if (render(*engine) != render(*other))
+                 {
+                   throw std::logic_error("another slice");
+                 }
                });
 }
 

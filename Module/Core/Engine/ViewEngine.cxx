@@ -29,24 +29,24 @@ double SeenField::LookFrom(const SlicePlane& plane)
   {
     return nearness_;
   }
-  const double before = nearness_;
-  nearness_ = viewed_->Nearness(plane);
+  last_.reset();  // what throws leaves it to the next call
+  const double nearness = viewed_->Nearness(plane);
+  if (nearness > 0 || nearness_ > 0)  // else it is as it was uploaded
+  {
+    const std::vector<double> reflectivities = viewed_->At(plane, nearness);
+    if (ViewEngine* const engine = ViewEngine::Of(engine_))
+    {
+      engine->SetReflectivities(reflectivities);
+    }
+    else
+    {
+      GaussianField field = engine_.GetField();
+      field.reflectivities = reflectivities;
+      engine_.SetField(field);
+    }
+  }
+  nearness_ = nearness;
   last_ = plane;
-  if (nearness_ == 0 && before == 0)
-  {
-    return 0;  // as it was uploaded
-  }
-  const std::vector<double> reflectivities = viewed_->At(plane, nearness_);
-  if (ViewEngine* const engine = ViewEngine::Of(engine_))
-  {
-    engine->SetReflectivities(reflectivities);
-  }
-  else
-  {
-    GaussianField field = engine_.GetField();
-    field.reflectivities = reflectivities;
-    engine_.SetField(field);
-  }
   return nearness_;
 }
 

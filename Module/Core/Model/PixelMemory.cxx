@@ -199,7 +199,7 @@ private:
         return;
       }
       const auto resident = ResidentBytes();
-      if (!resident || resident->first <= *limit_ || resident->second < *limit_ / kWorthWhile)
+      if (!resident || *limit_ == 0 || resident->first <= *limit_ || resident->second < *limit_ / kWorthWhile)
       {
         continue;
       }

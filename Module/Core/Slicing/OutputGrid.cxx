@@ -110,9 +110,9 @@ void CheckGiven(const GivenGrid& given)
 {
   for (int axis = 0; axis < 3; ++axis)
   {
-    const double size = given.spacing ? std::abs((*given.spacing)[axis]) : 1;
-    Require(size >= kMinimumSpacing && size <= kMaximumSpacing, "OutputSpacing along axis ", axis, " is ",
-            (*given.spacing)[axis], " mm; it must lie between 1e-6 and 1e6 mm.");
+    const double spacing = given.spacing ? (*given.spacing)[axis] : 1, size = std::abs(spacing);
+    Require(size >= kMinimumSpacing && size <= kMaximumSpacing, "OutputSpacing along axis ", axis, " is ", spacing,
+            " mm; it must lie between 1e-6 and 1e6 mm.");
     Require(!given.origin || std::isfinite((*given.origin)[axis]), "OutputOrigin along axis ", axis, " is not finite.");
   }
 }

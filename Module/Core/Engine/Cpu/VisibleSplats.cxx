@@ -170,12 +170,14 @@ void VisibleSplats<T>::Find(CpuField<T>& field, const std::vector<Camera>& camer
     // pass goes on to learn how much is needed, and is repeated.
     if (used = 0; needed_ > capacity_)
     {
-      capacity_ = needed_ + needed_ / 32;
+      capacity_ = 0;  // also where memory runs out below
       reals_.reset();
       wholes_.reset();
+      const std::size_t most = needed_ + needed_ / 32;
       constexpr std::size_t kVector = 16;  // numbers that may be read behind the last
-      reals_.reset(new T[kSplatReals * capacity_ + kVector]);
-      wholes_.reset(new Whole<T>[kSplatWholes * capacity_ + kVector]);
+      reals_.reset(new T[kSplatReals * most + kVector]);
+      wholes_.reset(new Whole<T>[kSplatWholes * most + kVector]);
+      capacity_ = most;
     }
     ForBlocks(
         [&](std::size_t slot)
