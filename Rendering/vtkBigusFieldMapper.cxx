@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "Core/Model/GaussianField.h"
+#include "Core/Numerics/Statistics.h"
 #include "Data/Arrays.h"
 #include "Data/FieldData.h"
 #include "vtkActor.h"
@@ -98,17 +99,6 @@ T& ChooseLevel(const std::vector<std::unique_ptr<T>>& levels, double each, doubl
   const auto fits = [&](const auto& level) { return static_cast<double>(level->size) * each <= seconds; };
   const auto found = std::find_if(levels.begin(), levels.end(), fits);
   return found == levels.end() ? *levels.back() : **found;
-}
-
-double Quantile(std::vector<double> values, double share)
-{
-  if (values.empty())
-  {
-    return 0;
-  }
-  const auto place = values.begin() + static_cast<std::ptrdiff_t>(share * static_cast<double>(values.size() - 1));
-  std::nth_element(values.begin(), place, values.end());
-  return *place;
 }
 
 /// Gaussians of the field from the strongest on, as single-precision arrays.
@@ -208,8 +198,8 @@ void vtkBigusFieldMapper::Drawing::Read(vtkPolyData* input)
     strengths.push_back(std::abs(field.reflectivities[i]));
     scales.push_back(std::cbrt(field.scales[i].prod()));
   }
-  this->quantile = Quantile(std::move(strengths), kRangeQuantile);
-  this->medianScale = Quantile(std::move(scales), 0.5);
+  this->quantile = bigus::OrderStatistic(std::move(strengths), kRangeQuantile);
+  this->medianScale = bigus::OrderStatistic(std::move(scales), 0.5);
 
   this->levels.clear();
   this->pointLevels.clear();

@@ -11,6 +11,7 @@
 
 #include "Core/Model/Error.h"
 #include "Core/Model/GaussianField.h"
+#include "Core/Numerics/Statistics.h"
 #include "Data/FieldData.h"
 #include "vtkAutoInit.h"
 #include "vtkBigusVoxelizer.h"
@@ -146,10 +147,9 @@ void vtkBigusFieldVolume::Crop()
   {
     return;
   }
-  const auto middle = scales.begin() + static_cast<std::ptrdiff_t>(scales.size() / 2);
-  std::nth_element(scales.begin(), middle, scales.end());
-  box.min().array() -= kReach * *middle;
-  box.max().array() += kReach * *middle;
+  const double middle = bigus::Median(std::move(scales));
+  box.min().array() -= kReach * middle;
+  box.max().array() += kReach * middle;
   const double spacing = box.sizes().maxCoeff() / (longest - 1);
   const auto voxels = [&](int axis) { return 1 + static_cast<int>(std::lround(box.sizes()[axis] / spacing)); };
   this->Voxelizer->SetOutputOrigin(box.min().data());

@@ -9,6 +9,7 @@
 #include "Command.h"
 #include "Core/Engine/Engine.h"
 #include "Core/Model/GaussianField.h"
+#include "Core/Numerics/Statistics.h"
 #include "Core/Poses/PoseDoubts.h"
 #include "Core/Poses/Trajectory.h"
 #include "Data/FieldData.h"
@@ -104,17 +105,7 @@ Json ScalePercentiles(const GaussianField& field)
     std::sort(scale.begin(), scale.end());
     sizes.push_back(scale[1]);
   }
-  const auto percentile = [&sizes](double share)
-  {
-    if (sizes.empty())
-    {
-      return 0.0;
-    }
-    const auto at = sizes.begin() + static_cast<std::ptrdiff_t>(share * (sizes.size() - 1));
-    std::nth_element(sizes.begin(), at, sizes.end());
-    return *at;
-  };
-  return {{"5", percentile(0.05)}, {"50", percentile(0.5)}, {"95", percentile(0.95)}};
+  return {{"5", OrderStatistic(sizes, 0.05)}, {"50", OrderStatistic(sizes, 0.5)}, {"95", OrderStatistic(sizes, 0.95)}};
 }
 
 Json ProvenanceJson(vtkPolyData* data)

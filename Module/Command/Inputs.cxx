@@ -4,9 +4,7 @@
 
 #include <algorithm>
 #include <charconv>
-#include <cinttypes>
 #include <cmath>
-#include <cstdio>
 #include <filesystem>
 #include <iterator>
 #include <map>
@@ -551,9 +549,7 @@ std::string ChecksumOfPoses(const std::string& path, const PoseChain& chain)
       checksum.Add(frame.imageToReference.data(), sizeof(double) * 16);
     }
   }
-  char text[17];
-  std::snprintf(text, sizeof(text), "%016" PRIx64, checksum.Value());
-  return text;
+  return checksum.Text();
 }
 
 void NoteTrackedPlanes(vtkPolyData* field, const std::string& sequence, const PoseChain& chain, Console& console)

@@ -3,7 +3,6 @@
 #include "IO/FrameGeometry.h"
 
 #include <Eigen/Geometry>
-#include <numeric>
 
 namespace bigus
 {
@@ -45,9 +44,7 @@ FrameGeometry MeasureFrames(const SequenceFile& file, const std::vector<FramePos
     geometry.bounds[2 * axis] = box.min()[axis];
     geometry.bounds[2 * axis + 1] = box.max()[axis];
   }
-  std::vector<int> all(static_cast<std::size_t>(accepted));
-  std::iota(all.begin(), all.end(), 0);
-  geometry.planes = MeasureGeometry(sweep, all);
+  geometry.planes = MeasureGeometry(sweep, AllFrames(sweep));
   return geometry;
 }
 

@@ -237,13 +237,6 @@ bool InNaturalOrder(const std::string& a, const std::string& b)
   return restA.empty() != restB.empty() ? restA.empty() : a < b;  // 01 before 1, so that every two names have an order
 }
 
-std::string ExactNumber(double value)
-{
-  char text[40];
-  const auto result = std::to_chars(text, text + sizeof(text), value);
-  return std::string(text, result.ptr);
-}
-
 InputFile::InputFile(const std::string& fileName) : name_(fileName)
 {
   std::error_code error;

@@ -10,6 +10,8 @@
 #include <string_view>
 #include <vector>
 
+#include "Core/Numerics/Format.h"  // ExactNumber
+
 namespace bigus
 {
 
@@ -38,9 +40,6 @@ bool ParseNumbers(std::string_view text, std::size_t count, double* values);
 
 /// Whether `a` comes before `b` in natural order, in which runs of digits count as numbers: frame_2 before frame_10.
 bool InNaturalOrder(const std::string& a, const std::string& b);
-
-/// The shortest text that reads back as the same bits.
-std::string ExactNumber(double value);
 
 /// Deflate cannot shrink anything by more than this factor: compressed data of n bytes hold at most n times
 /// as many.

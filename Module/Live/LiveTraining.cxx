@@ -99,7 +99,7 @@ Sweep ToSweep(const std::deque<LiveFrame>& frames, std::size_t first)
 /// Whether something is known of what lies between a frame and the next.
 bool IsGapFilled(const Sweep& sweep, int frame, double usualGap)
 {
-  return GapBetween(sweep, frame, frame + 1, 0.5 * (sweep.width - 1), 0.5 * (sweep.height - 1)) <= kBreak * usualGap;
+  return GapBetween(sweep, frame, frame + 1) <= kBreak * usualGap;
 }
 
 /// The plane midway between a frame and the next, with what pose interpolation shows there.

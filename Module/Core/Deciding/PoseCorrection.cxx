@@ -256,13 +256,7 @@ std::vector<std::array<Test, kLags>> TestsOf(const std::vector<int>& frames, con
       all.push_back(tests);
     }
   }
-  const std::size_t count = std::min(kTests, all.size());
-  std::vector<std::array<Test, kLags>> some;
-  for (std::size_t k = 0; k < count; ++k)
-  {
-    some.push_back(all[(2 * k + 1) * all.size() / (2 * count)]);
-  }
-  return some;
+  return EvenlySpread(all, kTests);
 }
 
 /// Predicts frames also from those of another time that lie nearest around them.

@@ -4,7 +4,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numeric>
 
 #include "Core/Deciding/DecisionRules.h"
 #include "Core/Evaluation/Baselines.h"
@@ -94,8 +93,7 @@ Trials::Trials(const Sweep& sweep, const std::vector<int>& frames, std::size_t t
 
 void Trials::MeasureShares()
 {
-  const double i = 0.5 * (sweep_->width - 1), j = 0.5 * (sweep_->height - 1);
-  const auto gap = [&](int from, int to) { return GapBetween(*sweep_, from, to, i, j); };
+  const auto gap = [&](int from, int to) { return GapBetween(*sweep_, from, to); };
   double sum = 0, squares = 0;
   for (int frame = 1; frame < sweep_->NumberOfFrames(); ++frame)
   {
@@ -133,8 +131,7 @@ double Trials::Anywhere(const TrialScores& scores) const
 /// Interpolation between all frames has gaps half as wide as those between the frames trained on, and no beam.
 void Trials::MakeAcross()
 {
-  std::vector<int> all(sweep_->NumberOfFrames());
-  std::iota(all.begin(), all.end(), 0);
+  const std::vector<int> all = AllFrames(*sweep_);
   for (CrossPlane& cross : MakeCrossPlanes(*sweep_, all, kAcrossEach, pixelSize_))
   {
     if (std::none_of(cross.enclosed.begin(), cross.enclosed.end(), [](std::uint8_t inside) { return inside != 0; }))

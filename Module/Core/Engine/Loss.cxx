@@ -8,6 +8,7 @@
 #include <string_view>
 
 #include "Core/Model/Error.h"
+#include "Core/Numerics/Format.h"
 
 namespace bigus
 {
@@ -25,13 +26,6 @@ constexpr std::array<Term, 5> terms{{{"l1", &Loss::l1},
                                      {"ffl", &Loss::ffl},
                                      {"contrast", &Loss::contrast}}};
 constexpr double kLargestWeight = 1e6;
-
-/// The shortest text that reads back as the same number, whatever the locale.
-std::string Shortest(double value)
-{
-  char text[32];
-  return {text, std::to_chars(text, text + sizeof(text), value).ptr};
-}
 
 /// Text fit for a message: not long, nothing unprintable.
 std::string Quoted(std::string_view text)
@@ -107,7 +101,7 @@ void Loss::Validate() const
   for (const Term& term : terms)
   {
     const double weight = this->*term.weight;
-    Require(weight >= 0 && weight <= kLargestWeight, "Loss: the weight of ", term.name, " is ", Shortest(weight),
+    Require(weight >= 0 && weight <= kLargestWeight, "Loss: the weight of ", term.name, " is ", ExactNumber(weight),
             "; it must lie in [0, 1e6].");
     sum += weight;
   }
@@ -133,7 +127,7 @@ Loss Loss::Parse(const std::string& text)
             "\"0.8*l1+0.2*dssim\".");
     if (!(factor >= 0))  // a second naming must not hide it
     {
-      throw Error("Loss: in " + Quoted(text) + " the factor of " + name + " is " + Shortest(factor) +
+      throw Error("Loss: in " + Quoted(text) + " the factor of " + name + " is " + ExactNumber(factor) +
                   "; it must lie in [0, 1e6].");
     }
     loss.*found->weight += factor;
@@ -151,7 +145,7 @@ std::string Loss::ToString() const
     if (const double weight = this->*term.weight; weight != 0)
     {
       text += text.empty() ? "" : "+";
-      text += weight == 1 ? "" : Shortest(weight) + "*";
+      text += weight == 1 ? "" : ExactNumber(weight) + "*";
       text += term.name;
     }
   }

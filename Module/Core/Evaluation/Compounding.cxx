@@ -59,8 +59,7 @@ std::size_t MostVoxels(const Sweep& sweep, const std::vector<int>& training)
   double layers = 1;
   for (std::size_t k = 0; k < longest.size(); ++k)
   {
-    const double gap =
-        GapBetween(sweep, training[k], training[k + 1], 0.5 * (sweep.width - 1), 0.5 * (sweep.height - 1));
+    const double gap = GapBetween(sweep, training[k], training[k + 1]);
     layers += std::clamp(std::min(gap, longest[k]) / pixel, 1.0, kWidest);
   }
   return std::max(kAlways, static_cast<std::size_t>(kRoom * layers * static_cast<double>(sweep.PixelsPerFrame())));
@@ -334,8 +333,7 @@ Compounding::Compounding(const Sweep& sweep, const std::vector<int>& training, d
   const std::vector<double> longest = LongestGaps(sweep, training);
   for (std::size_t k = 0; k < longest.size(); ++k)
   {
-    const double wide =
-        GapBetween(sweep, training[k], training[k + 1], 0.5 * (sweep.width - 1), 0.5 * (sweep.height - 1));
+    const double wide = GapBetween(sweep, training[k], training[k + 1]);
     gap = wide <= longest[k] ? std::max(gap, wide) : gap;
   }
   FillHoles(static_cast<int>(std::clamp(std::ceil(1.13 * gap / voxelSize_), 9.0, 64.0)));

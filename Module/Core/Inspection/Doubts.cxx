@@ -89,12 +89,6 @@ cv::Mat Detail(const cv::Mat& image)
   return smooth - broad;
 }
 
-double Correlation(const cv::Mat& a, const cv::Mat& b)
-{
-  const double sizes = std::sqrt(a.dot(a) * b.dot(b));
-  return sizes > 0 ? a.dot(b) / sizes : 0;
-}
-
 /// The same; 0 where the best of many unrelated pictures may reach it.
 double SureCorrelation(const cv::Mat& a, const cv::Mat& b)
 {

@@ -196,9 +196,7 @@ std::optional<double> AlikeMoved(const cv::Mat& from, const cv::Mat& to, const E
   }
   cv::Mat moved;
   cv::warpAffine(to, moved, cv::Matx23d(1, 0, blocks[0], 0, 1, blocks[1]), to.size(), cv::INTER_LINEAR);
-  const cv::Mat a = from(both), b = moved(both);
-  const double sizes = std::sqrt(a.dot(a) * b.dot(b));
-  return sizes > 0 ? a.dot(b) / sizes : 0;
+  return Correlation(from(both), moved(both));
 }
 
 /// Poses whose motion lies within the picture say how it slides. Where it does not, and is more alike as it is, the motion has

@@ -3,11 +3,11 @@
 #include "Core/Inspection/Page.h"
 
 #include <algorithm>
-#include <cstdio>
 #include <opencv2/imgproc.hpp>
 
 #include "Core/Inspection/Rules.h"
 #include "Core/Numerics/Drawing.h"
+#include "Core/Numerics/Format.h"
 #include "Core/Numerics/OpenCv.h"
 #include "Core/Numerics/Statistics.h"
 
@@ -89,17 +89,12 @@ void DrawStrip(cv::Mat& page, int top, const InspectedSweep& inspected, const st
 /// A bar a frame, as high as the way from the frame before it; ways longer than nearly all are cut.
 void DrawWay(cv::Mat& page, int top, const Sweep& sweep, const std::vector<cv::Scalar>& colours)
 {
-  std::vector<double> ways = {0};
-  for (int frame = 1; frame < sweep.NumberOfFrames(); ++frame)
-  {
-    ways.push_back(Moved(sweep, frame - 1, frame));
-  }
+  std::vector<double> ways = StepsOf(sweep, AllFrames(sweep));
+  ways.insert(ways.begin(), 0);
   std::vector<double> sorted = ways;
   std::sort(sorted.begin(), sorted.end());
   const double longest = std::max(1e-9, 1.2 * Quantile(sorted, 0.97));
-  char text[80];
-  std::snprintf(text, sizeof text, "Way from frame to frame, up to %.3g mm", longest);
-  Write(page, text, kMargin, top + 14);
+  Write(page, "Way from frame to frame, up to " + Format("%.3g", longest) + " mm", kMargin, top + 14);
   const double width = (kWidth - 2.0 * kMargin) / static_cast<double>(ways.size());
   const int bottom = top + kPlotHeight;
   for (std::size_t k = 0; k < ways.size(); ++k)

@@ -256,9 +256,13 @@ double AlikeIn(std::size_t band, const Pictures& pictures, std::size_t a, std::s
     const cv::Mat part = PartOf(ImageOf(pictures, k), band, pictures.height / 8, pictures.height);
     return cv::Mat(part - cv::mean(part));
   };
-  const cv::Mat one = detail(a), other = detail(b);
-  const double sizes = std::sqrt(one.dot(one) * other.dot(other));
-  return sizes > 0 ? one.dot(other) / sizes : 0;
+  return Correlation(detail(a), detail(b));
+}
+
+double Correlation(const cv::Mat& a, const cv::Mat& b)
+{
+  const double sizes = std::sqrt(a.dot(a) * b.dot(b));
+  return sizes > 0 ? a.dot(b) / sizes : 0;
 }
 
 cv::Mat ImageOf(const Pictures& pictures, std::size_t k)

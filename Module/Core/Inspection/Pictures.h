@@ -60,6 +60,9 @@ cv::Mat LevelsOf(const Sweep& sweep, int frame);
 /// A small picture, its pixels shared; CV_32F.
 cv::Mat ImageOf(const Pictures& pictures, std::size_t k);
 
+/// Cosine of the angle between two pictures as vectors; 0 where one is 0.
+double Correlation(const cv::Mat& a, const cv::Mat& b);
+
 /// Correlation of what a band of two pictures shows below the first eighth of the depth; 0 where one is flat.
 double AlikeIn(std::size_t band, const Pictures& pictures, std::size_t a, std::size_t b);
 

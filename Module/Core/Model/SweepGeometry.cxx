@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "Core/Model/Sequences.h"
+#include "Core/Numerics/Statistics.h"
 
 namespace bigus
 {
@@ -30,16 +31,10 @@ constexpr double kTwoSpeeds = 3;
 constexpr double kLocalBreak = 4;  // usual gaps around it: longer ones are not part of the path
 constexpr std::ptrdiff_t kAround = 5;
 
-double MedianGap(std::vector<double> values)
-{
-  std::sort(values.begin(), values.end());
-  return values.empty() ? 0 : values[values.size() / 2];
-}
-
 double MedianOfSome(std::vector<double> values)
 {
   constexpr std::size_t kFewest = 3;
-  return values.size() < kFewest ? 0 : MedianGap(std::move(values));
+  return values.size() < kFewest ? 0 : Median(std::move(values));
 }
 
 /// The gap below which half of the path lies, without gaps that are breaks.
@@ -48,8 +43,8 @@ double MedianAlongPath(const std::vector<double>& gaps)
   std::vector<double> along;
   for (auto gap = gaps.begin(); gap != gaps.end(); ++gap)
   {
-    const double before = MedianGap({gap - std::min(kAround, gap - gaps.begin()), gap});
-    const double after = MedianGap({gap + 1, gap + 1 + std::min(kAround, gaps.end() - gap - 1)});
+    const double before = Median({gap - std::min(kAround, gap - gaps.begin()), gap});
+    const double after = Median({gap + 1, gap + 1 + std::min(kAround, gaps.end() - gap - 1)});
     if (*gap <= kLocalBreak * std::max(before, after))
     {
       along.push_back(*gap);
@@ -67,11 +62,6 @@ double MedianAlongPath(const std::vector<double>& gaps)
     }
   }
   return 0;
-}
-
-double GapAtCentre(const Sweep& sweep, int from, int to)
-{
-  return GapBetween(sweep, from, to, 0.5 * (sweep.width - 1), 0.5 * (sweep.height - 1));
 }
 
 /// Whether the line in which two planes meet runs through both images, seen at the middle of what lies in the second.
@@ -104,7 +94,7 @@ bool Meet(const SlicePlane& a, const SlicePlane& b)
 
 double UsualStep(const std::vector<double>& steps)
 {
-  const double median = MedianGap(steps), along = MedianAlongPath(steps);
+  const double median = Median(steps), along = MedianAlongPath(steps);
   return along > kTwoSpeeds * median ? along : median;
 }
 
@@ -121,7 +111,7 @@ std::vector<double> LongestGaps(const Sweep& sweep, const std::vector<int>& fram
   std::vector<double> gaps, longest;
   for (std::size_t k = 0; k + 1 < frames.size(); ++k)
   {
-    gaps.push_back(GapAtCentre(sweep, frames[k], frames[k + 1]));
+    gaps.push_back(GapBetween(sweep, frames[k], frames[k + 1]));
   }
   for (std::size_t k = 0; k < gaps.size(); ++k)
   {
@@ -137,6 +127,11 @@ double GapBetween(const Sweep& sweep, int from, int to, double i, double j)
   return std::abs((sweep.Plane(to).Point(i, j) - plane.Point(i, j)).dot(plane.Normal()));
 }
 
+double GapBetween(const Sweep& sweep, int from, int to)
+{
+  return GapBetween(sweep, from, to, 0.5 * (sweep.width - 1), 0.5 * (sweep.height - 1));
+}
+
 SweepGeometry MeasureGeometry(const Sweep& sweep, const std::vector<int>& frames)
 {
   SweepGeometry geometry;
@@ -145,7 +140,7 @@ SweepGeometry MeasureGeometry(const Sweep& sweep, const std::vector<int>& frames
   {
     if (NeighboursOf(sweep, frames, frames[k]).after)
     {
-      spacings.push_back(GapAtCentre(sweep, frames[k], frames[k + 1]));
+      spacings.push_back(GapBetween(sweep, frames[k], frames[k + 1]));
     }
   }
   for (const std::vector<int>& own : BySequence(sweep, frames))
@@ -200,11 +195,10 @@ bool IsVolume(const Sweep& sweep, const std::vector<int>& frames)
 
 bool FramesCross(const Sweep& sweep, const std::vector<int>& frames)
 {
-  const std::size_t count = std::min(kLookedAt, frames.size());
   std::vector<SlicePlane> planes;
-  for (std::size_t k = 0; k < count; ++k)
+  for (const int frame : EvenlySpread(frames, kLookedAt))
   {
-    planes.push_back(sweep.Plane(frames[(2 * k + 1) * frames.size() / (2 * count)]));
+    planes.push_back(sweep.Plane(frame));
   }
   std::size_t crossing = 0;
   for (const SlicePlane& a : planes)
@@ -214,7 +208,7 @@ bool FramesCross(const Sweep& sweep, const std::vector<int>& frames)
                               return std::abs(a.Normal().dot(b.Normal())) <= kCrossing && (Meet(a, b) || Meet(b, a));
                             });
   }
-  return count > 0 && 2 * crossing >= count;
+  return crossing > 0 && 2 * crossing >= planes.size();
 }
 
 }  // namespace bigus

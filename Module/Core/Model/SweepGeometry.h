@@ -40,6 +40,8 @@ std::vector<double> LongestGaps(const Sweep& sweep, const std::vector<int>& fram
 
 /// Distance along the normal of frame `from` between its pixel (i, j) and the same pixel of frame `to`, mm.
 double GapBetween(const Sweep& sweep, int from, int to, double i, double j);
+/// At the image's centre.
+double GapBetween(const Sweep& sweep, int from, int to);
 
 /// Normals of the frames' planes that stand for all. Every frame has one of them within 5 degrees (a plane's two sides
 /// are the same), and no two of them are that near to each other.

@@ -3,9 +3,12 @@
 // A checksum of 64 bits against accidents: not against somebody who wants two files to have the same.
 #pragma once
 
+#include <cinttypes>
 #include <cstddef>
 #include <cstdint>
+#include <cstdio>
 #include <cstring>
+#include <string>
 
 #include "Core/Numerics/Random.h"
 
@@ -37,6 +40,13 @@ public:
   }
 
   std::uint64_t Value() const { return sum_; }
+  /// 16 hexadecimal digits.
+  std::string Text() const
+  {
+    char text[17];
+    std::snprintf(text, sizeof(text), "%016" PRIx64, sum_);
+    return text;
+  }
 
 private:
   void AddWord(std::uint64_t word) { sum_ = Mix(sum_ ^ word); }

@@ -4,6 +4,7 @@
 #pragma once
 
 #include <algorithm>
+#include <charconv>
 #include <cmath>
 #include <cstdio>
 #include <string>
@@ -19,6 +20,13 @@ inline std::string Format(const char* pattern, double value)
   // snprintf follows the C locale's decimal separator.
   std::replace(text, text + sizeof text, ',', '.');
   return text;
+}
+
+/// The shortest text that reads back as the same bits, whatever the locale.
+inline std::string ExactNumber(double value)
+{
+  char text[32];
+  return {text, std::to_chars(text, text + sizeof text, value).ptr};
 }
 
 /// Fixed number of decimals; "infinite" as such, "-" for what is no number.

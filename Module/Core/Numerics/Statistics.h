@@ -66,6 +66,18 @@ inline double Median(std::vector<double> values)
   return values.empty() ? 0 : *middle;
 }
 
+/// The value below which lies a share (0 to 1) of the others, rounded down; 0 for no values.
+inline double OrderStatistic(std::vector<double> values, double share)
+{
+  if (values.empty())
+  {
+    return 0;
+  }
+  const auto at = values.begin() + static_cast<std::ptrdiff_t>(share * static_cast<double>(values.size() - 1));
+  std::nth_element(values.begin(), at, values.end());
+  return *at;
+}
+
 /// Linear between the order statistics, which lie at 0, 1 / (n - 1), ... 1; `sorted` is ascending and not empty.
 inline double Quantile(const std::vector<double>& sorted, double share)
 {

@@ -541,8 +541,7 @@ public:
     const double lever = kLever * size.norm();
     const double speed = seenFrames.ThePath().Speed();
     step_ = PerKind(speed > 0 ? 1 / speed : 0, 1, 1 / lever / kRadiansPerDegree) * kStep * sigma;
-    KeepSeen(overlaps, q);
-    Calibrate(sigma, q);
+    Calibrate(sigma, q, KeepSeen(overlaps, q));
   }
 
   const std::vector<Overlap>& Overlaps() const { return overlaps_; }
@@ -640,10 +639,11 @@ private:
     return squares;
   }
 
-  void KeepSeen(const std::vector<Overlap>& overlaps, const Vector& q)
+  /// Keeps the overlaps that both pictures show at q. Returns their differences.
+  std::vector<float> KeepSeen(const std::vector<Overlap>& overlaps, const Vector& q)
   {
     overlaps_ = overlaps;
-    const std::vector<float> differences = Differences(q);
+    std::vector<float> differences = Differences(q);
     overlaps_.clear();
     for (std::size_t n = 0; n < overlaps.size(); ++n)
     {
@@ -652,10 +652,14 @@ private:
         overlaps_.push_back(overlaps[n]);
       }
     }
+    differences.erase(
+        std::remove_if(differences.begin(), differences.end(), [](float difference) { return std::isnan(difference); }),
+        differences.end());
+    return differences;
   }
 
   /// Regression of the one picture on the other, scale of the differences, and how many of them are independent.
-  void Calibrate(double sigma, const Vector& q)
+  void Calibrate(double sigma, const Vector& q, const std::vector<float>& differences)
   {
     if (overlaps_.empty())
     {
@@ -663,7 +667,6 @@ private:
     }
     // Two pictures of one speckle are alike only in part. Without the slope the cost would also fall where the prediction is
     // merely smoother, and bend more than what the two pictures share.
-    const std::vector<float> differences = Differences(q);
     const double n = static_cast<double>(overlaps_.size());
     Eigen::MatrixX2d pictures(overlaps_.size(), 2);
     for (std::size_t k = 0; k < overlaps_.size(); ++k)

@@ -4,7 +4,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numeric>
 #include <vector>
 
 #include "Core/Model/Error.h"
@@ -103,8 +102,7 @@ void ToBytes(const float* values, std::int64_t count, unsigned char* bytes)
 
 void GridDistances(const Sweep& sweep, const Eigen::Matrix4d& indexToWorld, const Extent& extent, float* distances)
 {
-  std::vector<int> frames(sweep.NumberOfFrames());
-  std::iota(frames.begin(), frames.end(), 0);
+  const std::vector<int> frames = AllFrames(sweep);
   const GridPart grid{indexToWorld, extent, extent};
   for (int k = extent[4]; k <= extent[5]; ++k)
   {

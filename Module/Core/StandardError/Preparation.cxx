@@ -15,6 +15,7 @@
 
 #include "Core/Engine/ViewEngine.h"
 #include "Core/Evaluation/FrameInSpace.h"
+#include "Core/Numerics/Statistics.h"
 #include "Core/Poses/Trajectory.h"
 #include "Core/StandardError/Inside.h"
 #include "Core/StandardError/StandardError.h"
@@ -196,9 +197,7 @@ public:
     {
       return;
     }
-    const auto middle = usual.begin() + static_cast<std::ptrdiff_t>(usual.size() / 2);
-    std::nth_element(usual.begin(), middle, usual.end());
-    const double least = std::max(0.5 * *middle, 1e-9);
+    const double least = std::max(0.5 * Median(std::move(usual)), 1e-9);
     for (std::size_t cell = 0; cell < apart_.size(); ++cell)
     {
       kept_.rate_[cell] = apart_[cell] >= 0 ? CodeOfVariance(between_[cell] / std::max(apart_[cell], least)) : 0;

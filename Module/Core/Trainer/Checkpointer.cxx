@@ -3,8 +3,6 @@
 #include "Core/Trainer/Checkpointer.h"
 
 #include <algorithm>
-#include <cinttypes>
-#include <cstdio>
 
 #include "Core/Engine/Exchange.h"
 #include "Core/Engine/FieldState.h"
@@ -130,13 +128,6 @@ Settlement LoadSettlement(StateReader& from)
   return settlement;
 }
 
-std::string Hexadecimal(const Checksum& checksum)
-{
-  char text[17];
-  std::snprintf(text, sizeof(text), "%016" PRIx64, checksum.Value());
-  return text;
-}
-
 /// Which engine computes, without the number of threads, which changes no bit.
 std::string EngineOf(const std::string& name)
 {
@@ -183,10 +174,10 @@ NamedTexts IdentityOf(const Sweep& sweep, const TrainerOptions& options, const G
                          {"engine", EngineOf(options.engine)},
                          {"sequence", std::to_string(frames) + " frames of " + std::to_string(sweep.width) + " x " +
                                           std::to_string(sweep.height) + " pixels" + parts},
-                         {"checksum of the pixels", Hexadecimal(pixels)},
-                         {"checksum of the poses and times", Hexadecimal(poses)},
-                         {"checksum of the mask", sweep.mask ? Hexadecimal(mask) : "none"},
-                         {"checksum of the field to continue from", start ? Hexadecimal(field) : "none"}};
+                         {"checksum of the pixels", pixels.Text()},
+                         {"checksum of the poses and times", poses.Text()},
+                         {"checksum of the mask", sweep.mask ? mask.Text() : "none"},
+                         {"checksum of the field to continue from", start ? field.Text() : "none"}};
   for (const OptionText& option : ListOptions(options))
   {
     const std::string name = option.info.name;
@@ -249,37 +240,35 @@ std::string Checkpointer::TakeTrial(const std::string& name)
   return name == trial_ ? std::exchange(trialState_, {}) : std::string();
 }
 
-Keeping Checkpointer::KeepingOfTraining()
+Keeping Checkpointer::KeepIn(std::function<void(std::string)> take)
 {
   if (!isKept_)
   {
     return {};
   }
   return {[this] { return IsDue(); },
-          [this](const auto& write)
+          [this, take = std::move(take)](const auto& write)
           {
             StateWriter to;
             write(to);
-            training_ = to.Take();
+            take(to.Take());
             Save();
           }};
 }
 
+Keeping Checkpointer::KeepingOfTraining()
+{
+  return KeepIn([this](std::string state) { training_ = std::move(state); });
+}
+
 Keeping Checkpointer::KeepingOfTrial(const std::string& name)
 {
-  if (!isKept_)
-  {
-    return {};
-  }
-  return {[this] { return IsDue(); },
-          [this, name](const auto& write)
-          {
-            StateWriter to;
-            write(to);
-            trial_ = name;
-            trialState_ = to.Take();
-            Save();
-          }};
+  return KeepIn(
+      [this, name](std::string state)
+      {
+        trial_ = name;
+        trialState_ = std::move(state);
+      });
 }
 
 void Checkpointer::Close()

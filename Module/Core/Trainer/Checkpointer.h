@@ -72,6 +72,7 @@ public:
   void Close();
 
 private:
+  Keeping KeepIn(std::function<void(std::string)> take);
   bool IsDue();
   void Write();
   void Load(std::string_view bytes);

@@ -5,9 +5,9 @@
 #include <algorithm>
 #include <cmath>
 #include <functional>
-#include <numeric>
 
 #include "Core/Model/PixelMemory.h"
+#include "Core/Numerics/Statistics.h"
 
 namespace bigus
 {
@@ -142,9 +142,7 @@ Corrections FindCorrections(Engine& engine, const Sweep& recorded, const std::ve
     found.gains.push_back(gain);
     found.offsets.push_back(n > 0 ? std::clamp(y / n - gain * x / n, -kLargestOffset, kLargestOffset) : 0.0);
   }
-  const auto mean = [](const std::vector<double>& values)
-  { return std::accumulate(values.begin(), values.end(), 0.0) / static_cast<double>(values.size()); };
-  const double meanGain = mean(found.gains), meanOffset = mean(found.offsets);
+  const double meanGain = Mean(found.gains), meanOffset = Mean(found.offsets);
   for (std::size_t k = 0; k < frames.size(); ++k)
   {
     found.gains[k] /= meanGain;

@@ -15,6 +15,7 @@
 #include "Core/Metrics/Metrics.h"
 #include "Core/Model/Error.h"
 #include "Core/Model/Sequences.h"
+#include "Core/Numerics/Statistics.h"
 
 namespace bigus
 {
@@ -705,11 +706,11 @@ std::optional<double> ScoreInterpolation(const Sweep& sweep, const std::vector<i
   }
   Require(!inner.empty(), "Interpolation: a score needs three frames of one sequence; of ", frames.size(),
           " no three follow each other.");
-  const std::size_t scored = std::min(kScored, inner.size());
-  std::vector<double> psnr(scored);
+  const std::vector<std::size_t> scored = EvenlySpread(inner, kScored);
+  std::vector<double> psnr(scored.size());
   const auto predict = [&](std::size_t n)
   {
-    const std::size_t k = inner[(2 * n + 1) * inner.size() / (2 * scored)];
+    const std::size_t k = scored[n];
     const SlicePlane plane = sweep.Plane(frames[k]);
     const auto distance = [&](int other) { return (CentreOf(plane) - CentreOf(sweep.Plane(other))).norm(); };
     const double u = distance(frames[k - 1]), v = distance(frames[k + 1]);
@@ -722,20 +723,15 @@ std::optional<double> ScoreInterpolation(const Sweep& sweep, const std::vector<i
     sweep.CopyFrame(frames[k], truth.data());
     psnr[n] = Psnr(image.data(), truth.data(), image.size());
   };
-  for (std::size_t first = 0; first < scored; first += kScoredAtOnce)
+  for (std::size_t first = 0; first < scored.size(); first += kScoredAtOnce)
   {
     if (goOn && !goOn())
     {
       return std::nullopt;
     }
-    tbb::parallel_for(first, std::min(first + kScoredAtOnce, scored), predict);
+    tbb::parallel_for(first, std::min(first + kScoredAtOnce, scored.size()), predict);
   }
-  double sum = 0;
-  for (double value : psnr)
-  {
-    sum += value;
-  }
-  return sum / static_cast<double>(scored);
+  return Mean(psnr);
 }
 
 }  // namespace bigus

@@ -32,6 +32,7 @@
 #include "Core/Engine/ViewEngine.h"
 #include "Core/Formula/Adam.h"
 #include "Core/Formula/Truncation.h"
+#include "Core/Numerics/Statistics.h"
 
 namespace bigus
 {
@@ -161,7 +162,7 @@ public:
     views.Restore();
     gradient_.assign(field_.NumberOfBlocks(), {});
     derivatives.assign(reflectivities.size(), 0.0f);
-    BackwardViews(derivatives, [&](std::size_t b, const GradientBlock<T>& gradient) { gradient_[b] = gradient; });
+    Backward<true>([&](std::size_t b, const GradientBlock<T>& gradient) { gradient_[b] = gradient; }, &derivatives);
     return value;
   }
 
@@ -180,7 +181,7 @@ public:
     if (sums)
     {
       sums->assign(reflectivities.size(), 0.0f);
-      BackwardViews(*sums, [](std::size_t, const GradientBlock<T>&) {});
+      Backward<true>([](std::size_t, const GradientBlock<T>&) {}, &*sums);
     }
   }
 
@@ -372,12 +373,7 @@ private:
       AddPartsOfOthers(frames.size());
       ForBands(static_cast<int>(frames.size()), height, finish);
     }
-    double total = 0;
-    for (double sum : sums)
-    {
-      total += sum;
-    }
-    return total;
+    return SumInOrder(sums);
   }
 
   /// images_ of S of the whole field.
@@ -475,11 +471,14 @@ private:
     return total;
   }
 
-  /// spend(block, gradient) for every block that the frames of the last Forward saw.
-  template <class Spend>
-  void Backward(Spend&& spend)
+  /// spend(block, gradient) for every block that the frames of the last Forward saw. With `derivatives` each frame has its
+  /// own reflectivities; what the loss changes by these goes there.
+  template <bool kHasViews = false, class Spend>
+  void Backward(Spend&& spend, std::vector<float>* derivatives = nullptr)
   {
-    if (keepScores_)
+    const std::vector<std::uint32_t>& order = field_.Order();
+    const bool keepScores = !kHasViews && keepScores_;
+    if (keepScores)
     {
       scores_.resize(field_.NumberOfBlocks());
     }
@@ -490,7 +489,8 @@ private:
           field_.PrefetchAverages(b);
           GradientBlock<T> gradient{};
           MomentBlock<T> moments;
-          ScoreBlock<T>* scores = keepScores_ ? &scores_[b] : nullptr;
+          ScoreBlock<T>* scores = keepScores ? &scores_[b] : nullptr;
+          std::conditional_t<kHasViews, GaussianBlock<T>, const GaussianBlock<T>&> block = field_.Block(b);
           for (std::size_t f = 0; f < visible_.Views(); ++f)
           {
             const auto& list = visible_.ListOf(slot, f);
@@ -499,45 +499,19 @@ private:
               continue;
             }
             const SplatRows<T> splats = visible_.Splats(list);
-            kernels_.gatherMoments(splats, FrameRows(f), keepScores_, moments);
+            kernels_.gatherMoments(splats, FrameRows(f), keepScores, moments);
+            if constexpr (kHasViews)
+            {
+              std::copy_n(ReflectivitiesOf(b, f), kBlock, block.reflectivity);
+              for (int i = 0; i < list.count; ++i)
+              {
+                const std::size_t gaussian = order[b * kBlock + static_cast<std::size_t>(splats[kGaussian][i])];
+                (*derivatives)[f * order.size() + gaussian] = static_cast<float>(moments.values[kMoment0][i]);
+              }
+            }
             std::int32_t column, row;
             const View<T> view = LocalView<T>(cameras_[f], field_.Place(b), column, row);
-            kernels_.addAdjoints(field_.Block(b), view, splats, moments, gradient, scores);
-          }
-          spend(b, gradient);
-        });
-  }
-
-  /// Backward where each frame has its own reflectivities; what the loss changes by these goes to `derivatives`.
-  template <class Spend>
-  void BackwardViews(std::vector<float>& derivatives, Spend&& spend)
-  {
-    const std::vector<std::uint32_t>& order = field_.Order();
-    visible_.ForBlocks(
-        [&](std::size_t slot)
-        {
-          const std::size_t b = visible_.Block(slot);
-          GradientBlock<T> gradient{};
-          MomentBlock<T> moments;
-          GaussianBlock<T> block = field_.Block(b);
-          for (std::size_t f = 0; f < visible_.Views(); ++f)
-          {
-            const auto& list = visible_.ListOf(slot, f);
-            if (list.count == 0)
-            {
-              continue;
-            }
-            const SplatRows<T> splats = visible_.Splats(list);
-            kernels_.gatherMoments(splats, FrameRows(f), false, moments);
-            std::copy_n(ReflectivitiesOf(b, f), kBlock, block.reflectivity);
-            std::int32_t column, row;
-            const View<T> view = LocalView<T>(cameras_[f], field_.Place(b), column, row);
-            kernels_.addAdjoints(block, view, splats, moments, gradient, nullptr);
-            for (int i = 0; i < list.count; ++i)
-            {
-              const std::size_t gaussian = order[b * kBlock + static_cast<std::size_t>(splats[kGaussian][i])];
-              derivatives[f * order.size() + gaussian] = static_cast<float>(moments.values[kMoment0][i]);
-            }
+            kernels_.addAdjoints(block, view, splats, moments, gradient, scores);
           }
           spend(b, gradient);
         });
