@@ -599,7 +599,7 @@ std::vector<Comparison> JudgeInFolds(const Sweep& sweep, const std::vector<int>&
     {
       isLeftOut[k] = k % kFolds == fold;
     }
-    const std::vector<SlicePlane> after = planesAt(refinement.Poses({}, isLeftOut));
+    const std::vector<SlicePlane> after = planesAt(refinement.Poses(isLeftOut));
     tbb::parallel_for(0, n,
                       [&](int k)
                       {
@@ -631,7 +631,7 @@ std::string Refine(const Sweep& sweep, const std::vector<int>& frames, PoseCorre
   correction.alignment = {true, share.mean, share.error, gain.mean, 0, isTaken};
   if (isTaken)
   {
-    trajectory.imageToReference = refinement.Poses({});
+    trajectory.imageToReference = refinement.Poses();
     MeasureChange(sweep, trajectory);
   }
   return "aligned to others, frames that took no part confirm" + Format(" %.2f", share.mean) +

@@ -54,6 +54,10 @@ constexpr double kRevisitError = 0.1;
 
 // ---- how alignments are reconciled ----
 
+// How far poses may move, standard deviations at the image's centre and, by its rotation, half a diagonal from it.
+constexpr double kDrift = 0.5;  // mm of any pose
+constexpr double kStep = 0.05;  // mm from one frame of the sweep to the next
+
 constexpr int kRounds = 5;           // of robust weights of comparisons
 constexpr double kSuspiciousAt = 3;  // standard errors at which a comparison counts half
 
@@ -329,15 +333,15 @@ Information PoseRefinement::Seen(int frame, int other) const
   return seen;
 }
 
-void PoseRefinement::AddPrior(const RefinementPrior& prior, NormalEquations& equations) const
+void PoseRefinement::AddPrior(NormalEquations& equations) const
 {
   const Information one = Information::Identity();
   for (int k = 0; k < static_cast<int>(frames_.size()); ++k)
   {
-    equations.Add(k, k, one / (prior.drift * prior.drift));
+    equations.Add(k, k, one / (kDrift * kDrift));
     if (k > 0 && stroke_[frames_[k]] == stroke_[frames_[k - 1]])
     {
-      const double weight = 1 / (prior.step * prior.step * (frames_[k] - frames_[k - 1]));
+      const double weight = 1 / (kStep * kStep * (frames_[k] - frames_[k - 1]));
       equations.Add(k, k, weight * one);
       equations.Add(k - 1, k - 1, weight * one);
       equations.Add(k, k - 1, -weight * one);
@@ -346,7 +350,7 @@ void PoseRefinement::AddPrior(const RefinementPrior& prior, NormalEquations& equ
   }
 }
 
-Eigen::VectorXd PoseRefinement::Reconcile(const RefinementPrior& prior, const std::vector<char>& isLeftOut) const
+Eigen::VectorXd PoseRefinement::Reconcile(const std::vector<char>& isLeftOut) const
 {
   const auto isUsed = [&](int k) { return isLeftOut.empty() || !isLeftOut[k]; };
   const int n = static_cast<int>(frames_.size());
@@ -354,7 +358,7 @@ Eigen::VectorXd PoseRefinement::Reconcile(const RefinementPrior& prior, const st
   for (int round = 0; round < kRounds; ++round)
   {
     NormalEquations equations(n);
-    AddPrior(prior, equations);
+    AddPrior(equations);
     for (std::size_t t = 0; t < comparisons_.size(); ++t)
     {
       const Comparison& c = comparisons_[t];
@@ -409,10 +413,9 @@ FrameMotion PoseRefinement::MotionOf(int frame, const Eigen::VectorXd& motions) 
   return FrameMotion::Zero();
 }
 
-std::vector<Eigen::Matrix4d> PoseRefinement::Poses(const RefinementPrior& prior,
-                                                   const std::vector<char>& isLeftOut) const
+std::vector<Eigen::Matrix4d> PoseRefinement::Poses(const std::vector<char>& isLeftOut) const
 {
-  const Eigen::VectorXd motions = Reconcile(prior, isLeftOut);
+  const Eigen::VectorXd motions = Reconcile(isLeftOut);
   std::vector<Eigen::Matrix4d> poses = sweep_.imageToReference;
   for (int frame = 0; frame < sweep_.NumberOfFrames(); ++frame)
   {

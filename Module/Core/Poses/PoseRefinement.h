@@ -14,13 +14,6 @@
 namespace bigus
 {
 
-/// How far poses may move, standard deviations at the image's centre and, by its rotation, half a diagonal from it.
-struct RefinementPrior
-{
-  double drift = 0.5;  ///< mm of any pose
-  double step = 0.05;  ///< mm from one frame of the sweep to the next
-};
-
 /// Alignments of frames to two others between which they lie, at the poses of a sweep; none where the probe never comes
 /// back. Shifts and the turn in the image's own plane are told, and by frames that came back the shift along its normal.
 class PoseRefinement
@@ -47,7 +40,7 @@ public:
   /// Poses of all frames of the sweep. Comparisons in which a frame takes part that `isLeftOut` names (by its place in
   /// `frames`; empty: none) do not count. Such a frame, and one that is not among `frames`, moves as those around it on
   /// the path do. The same for every number of threads.
-  std::vector<Eigen::Matrix4d> Poses(const RefinementPrior& prior, const std::vector<char>& isLeftOut = {}) const;
+  std::vector<Eigen::Matrix4d> Poses(const std::vector<char>& isLeftOut = {}) const;
 
 private:
   /// What a comparison says: the frame's own motion that makes it agree, and the inverse of its covariance. Neighbours
@@ -67,9 +60,9 @@ private:
   /// The motion of `other`, seen in the plane of `frame`, as a matrix on other's own motion.
   Matrix Seen(int frame, int other) const;
   class NormalEquations;
-  void AddPrior(const RefinementPrior& prior, NormalEquations& equations) const;
+  void AddPrior(NormalEquations& equations) const;
   /// Motions of `frames` on which all alignments and the prior agree best.
-  Eigen::VectorXd Reconcile(const RefinementPrior& prior, const std::vector<char>& isLeftOut) const;
+  Eigen::VectorXd Reconcile(const std::vector<char>& isLeftOut) const;
   /// Frames between those that were aligned move as they do.
   Motion MotionOf(int frame, const Eigen::VectorXd& motions) const;
 
