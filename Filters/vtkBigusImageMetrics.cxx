@@ -62,8 +62,9 @@ std::vector<float> SliceIntensities(vtkDataArray* scalars, vtkIdType first, vtkI
   const auto bad = std::find_if(values.begin(), values.end(), [](float v) { return !(v >= 0 && v <= 1); });
   if (bad != values.end())
   {
-    throw bigus::Error(name + " holds the value " + std::to_string(*bad) +
-                       "; float intensities must lie in [0, 1]. Use vtkImageShiftScale to scale them.");
+    throw bigus::Error(name + " holds the value " + std::to_string(*bad) + "; float intensities must lie in [0, 1]. " +
+                       (std::isfinite(*bad) ? "Shift and scale them so that black is 0 and white is 1."
+                                            : "Give pixels without a value the value 0."));
   }
   return values;
 }

@@ -48,7 +48,7 @@ std::string WithRemedy(const std::string& message)
       {"set the image spacing", " (--pixel-spacing)"},
       {"set the pixel range", " (--pixel-range)"},
       {"MaximumOutputPixels", " (--spacing, --size or --region)"},
-      {"float pixels must lie in", " (--pixel-range does so)"},
+      {"Divide by the largest value of the original type", " (--pixel-range does so)"},
       {"without a status", " (--assume-status accepts transforms without a status)"}};
   for (const auto& [phrase, remedy] : remedies)
   {

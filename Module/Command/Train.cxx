@@ -351,7 +351,8 @@ Frames ReadFrames(const std::vector<SequenceOptions>& sequences, const TrainerOp
   Inspect(recorded, options, frames);
   const Sweep& sweep = *frames.imported.sweep;
   Require(holdOut <= 0 || !frames.heldOut.empty(), "--hold-out ", holdOut, " keeps none of the ",
-          sweep.NumberOfFrames(), " usable frames; use a smaller number.");
+          sweep.NumberOfFrames(), " usable frames; ",
+          sweep.NumberOfFrames() > 1 ? "use a smaller number." : "a field needs two frames besides those held out.");
   Require(holdOut <= 0 || std::min(sweep.width, sweep.height) >= 11, "Frames of ", sweep.width, " x ", sweep.height,
           " pixels cannot be scored (11 x 11 are needed); use a smaller --reduce.");
   return frames;

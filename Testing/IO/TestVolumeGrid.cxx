@@ -93,6 +93,9 @@ TEST(VolumeGrid, BadFiles)
   refused(kNrrd, "type: double", "type double", "header line");
   refused(kMeta, "NDims = 3", "NDims = 2", "ndims");
   refused(kMeta, "DimSize = 5 6 7\n", "", "dimsize is missing");
+  refused(kMeta, "DimSize = 5 6 7\n",
+          "DimSize = 5 6 7\nSeq_Frame0000_ProbeToTrackerTransform = 1 0 0 0 0 1 0 0 0 0 1 0 0 0 0 1\n",
+          "give a volume");
   refused(kMeta, "DimSize = 5 6 7", "DimSize = 5 6", "dimsize");
   refused(kMeta, "DimSize = 5 6 7", "DimSize = 5 6 7.5", "dimsize");
   refused(kMeta, "ElementSpacing = 2 3 4", "ElementSpacing = 2 3 0", "do not span space");

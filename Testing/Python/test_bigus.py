@@ -112,12 +112,17 @@ class Arrays(unittest.TestCase):
     def test_wrong_shapes_are_named(self):
         with self.assertRaisesRegex(ValueError, r"poses of shape \(2, 4, 4\), not \(3, 4, 4\)"):
             bigus.sweep(np.zeros((2, 3, 4), np.uint8), [np.eye(4)] * 3)
-        with self.assertRaisesRegex(ValueError, "Timestamp has 1 values; 2"):
+        with self.assertRaisesRegex(ValueError, "Timestamp has shape"):
             bigus.sweep(np.zeros((2, 3, 4), np.uint8), [np.eye(4)] * 2, timestamps=[0.0])
         with self.assertRaisesRegex(ValueError, "ImageToReference"):
             bigus.poses(bigus.image(np.zeros((3, 4), np.uint8)))
         with self.assertRaisesRegex(ValueError, r"\(4,\)"):
             bigus.image(np.zeros(4))
+
+    def test_true_is_white(self):
+        lit = np.indices((2, 28, 36)).sum(axis=0) % 3 == 0
+        np.testing.assert_array_equal(bigus.frames(bigus.sweep(lit, [pose(0), pose(1)])), 255 * lit.astype(np.uint8))
+        self.assertEqual(bigus.metrics(lit[0], lit[0].astype(np.float32))["psnr"], math.inf)
 
 
 class Files(unittest.TestCase):
@@ -249,6 +254,10 @@ class Reslice(unittest.TestCase):
             bigus.reslice(two_blobs(), np.zeros((4, 4)), (4, 4))
         with self.assertRaisesRegex(ValueError, "span a plane"):
             bigus.reslice(two_blobs(), pose() * np.nan, (4, 4))
+        with self.assertRaisesRegex(ValueError, "stored column by column"):
+            bigus.reslice(two_blobs(), pose().T, (4, 4))
+        with self.assertRaisesRegex(ValueError, "last row"):
+            bigus.reslice(two_blobs(), 2 * pose(), (4, 4))
         for size in ((0, 4), (24, 64, 80), (80.5, 64), 7):
             with self.assertRaisesRegex(ValueError, "size"):
                 bigus.reslice(two_blobs(), pose(), size)

@@ -20,6 +20,7 @@
 #include "Core/Model/Error.h"
 #include "Core/Numerics/Constants.h"
 #include "Core/Phantom/Phantom.h"
+#include "Support/Random.h"
 
 namespace bigus::labels_test
 {
@@ -702,6 +703,13 @@ TEST(Labels, WhatDoesNotFitIsRefused)
   given.labels = drawn.labels.labels;
   std::swap(given.labels[0], given.labels[1]);
   refused(given, "ascend");
+  given = drawn.labels;
+  test::Random random(4);
+  for (std::uint8_t& pixel : given.pixels)
+  {
+    pixel = static_cast<std::uint8_t>(given.labels[static_cast<std::size_t>(random.Uniform(0, 3))].value);
+  }
+  refused(given, "That is a picture");
   EXPECT_THROW(FitLabels(GaussianField(), drawn.sweep, drawn.labels), Error);
   FieldLabels weights{drawn.labels.labels, std::vector<float>(4 * field.Size(), 0.5f), {}};
   weights.weights[5] = 1.5f;

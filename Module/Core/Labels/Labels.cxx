@@ -206,6 +206,16 @@ void LabelFrames::Validate(const Sweep& sweep) const
             " is out of order or not one of the ", sweep.NumberOfFrames(), " frames of the sweep.");
   }
   Require(WithNames(labels, pixels).size() == labels.size(), "Labels: the pixels have a value that no label has.");
+  // Labels are regions: where two pixels side by side have labels, these are mostly the same.
+  std::size_t both = 0, same = 0;
+  for (std::size_t i = 1; i < pixels.size(); ++i)
+  {
+    const bool isPair = i % sweep.width != 0 && pixels[i - 1] != 0 && pixels[i] != 0;
+    both += isPair;
+    same += isPair && pixels[i - 1] == pixels[i];
+  }
+  Require(2 * same >= both, "Labels: of ", both, " pairs of pixels side by side that both have a label, only ", same,
+          " have the same one. That is a picture, not labels; give a label map, 0 where there is none.");
 }
 
 std::vector<int> LabelFrames::Drawn() const

@@ -451,11 +451,13 @@ void Sweep::Validate() const
   if (firstBad < n)
   {
     const std::size_t inFrame = firstBad % PixelsPerFrame();
+    const float value = values[firstBad];
     throw Error("frame " + std::to_string(firstBad / PixelsPerFrame()) + ": pixel (" + std::to_string(inFrame % width) +
-                ", " + std::to_string(inFrame / width) + ") is " + std::to_string(values[firstBad]) +
+                ", " + std::to_string(inFrame / width) + ") is " + std::to_string(value) +
                 "; float pixels must lie in [0, 1]. " +
-                (std::isfinite(values[firstBad]) ? "Divide by the largest value of the original type."
-                                                 : "Give pixels without a value the value 0."));
+                (!std::isfinite(value) ? "Give pixels without a value the value 0."
+                 : value < 0           ? "Shift and scale them so that black is 0 and white is 1."
+                                       : "Divide by the largest value of the original type."));
   }
 }
 

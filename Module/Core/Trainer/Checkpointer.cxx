@@ -20,7 +20,7 @@ namespace
 constexpr char kMagic[8] = {'B', 'I', 'G', 'U', 'S', 'C', 'K', 'P'};
 
 /// Another number for every change of what follows the header.
-constexpr std::uint32_t kFormat = 9;
+constexpr std::uint32_t kFormat = 10;
 
 /// Tells machines with another order of bytes.
 constexpr std::uint32_t kByteOrder = 0x01020304;

@@ -166,6 +166,13 @@ VolumeGrid GridOfMetaImage(const Header& header)
   {
     header.Refuse("ndims", "3 is expected");
   }
+  constexpr const char* kOfFrame = "seq_frame";
+  if (const auto found = header.fields.lower_bound(kOfFrame);
+      found != header.fields.end() && found->first.rfind(kOfFrame, 0) == 0)
+  {
+    header.Refuse(found->first,
+                  "a sequence is no grid of voxels, since each of its frames lies elsewhere; give a volume");
+  }
   VolumeGrid grid;
   const std::vector<double> size = header.Numbers("dimsize", header.Text("dimsize"), 3);
   const std::string spacingName = first({"elementspacing", "elementsize"}, "elementspacing");

@@ -37,7 +37,7 @@ def poses(sweep: vtkImageData) -> np.ndarray:
 def image(pixels: np.ndarray) -> vtkImageData:
     """An image of [height, width] or [depth, height, width] pixels, origin 0, spacing 1.
 
-    Shares memory when the array is C-contiguous; float64 and bool become float32 and uint8, which copies.
+    Shares memory when the array is C-contiguous; float64 and bool become float32 and uint8 (0 and 255), which copies.
     """
     pixels = np.asarray(pixels)
     if pixels.ndim not in (2, 3) or 0 in pixels.shape:
@@ -45,7 +45,7 @@ def image(pixels: np.ndarray) -> vtkImageData:
     if pixels.dtype == np.float64:
         pixels = pixels.astype(np.float32)
     elif pixels.dtype == np.bool_:
-        pixels = pixels.astype(np.uint8)
+        pixels = 255 * pixels.astype(np.uint8)
     pixels = np.ascontiguousarray(pixels)
     depth, height, width = pixels.shape if pixels.ndim == 3 else (1, *pixels.shape)
     data = vtkImageData()

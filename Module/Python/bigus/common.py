@@ -54,6 +54,9 @@ def pixel_matrix(matrix: np.ndarray, spacing: Union[None, float, Sequence[float]
     normal = np.cross(matrix[:3, 0], matrix[:3, 1])
     if not np.isfinite(matrix).all() or np.linalg.norm(normal) == 0:
         raise ValueError("the first two columns of the plane's matrix must be finite and span a plane")
+    if not np.allclose(matrix[3], (0, 0, 0, 1), rtol=0, atol=1e-6):
+        advice = "; is it stored column by column? Give its transpose" if not matrix[:3, 3].any() else ""
+        raise ValueError(f"the last row of the plane's matrix is {matrix[3].tolist()}, not 0 0 0 1{advice}")
     if spacing is not None:
         if np.size(spacing) not in (1, 2) or not all(0 < side < np.inf for side in np.ravel(spacing)):
             raise ValueError(f"the spacing must be positive, one number or two, not {spacing}")

@@ -52,7 +52,7 @@ def sweep(frames: ArrayLike, poses: ArrayLike, timestamps: Optional[ArrayLike] =
     if matrices.shape != (len(pixels), 4, 4):
         raise ValueError(f"{len(pixels)} frames need poses of shape ({len(pixels)}, 4, 4), not {matrices.shape}")
     if pixels.dtype == np.bool_:
-        pixels = pixels.astype(np.uint8)
+        pixels = 255 * pixels.astype(np.uint8)
     elif pixels.dtype.kind == "f":
         pixels = pixels.astype(np.float32, copy=False)
     elif pixels.dtype not in (np.uint8, np.uint16):
@@ -66,7 +66,7 @@ def sweep(frames: ArrayLike, poses: ArrayLike, timestamps: Optional[ArrayLike] =
     lit = None if mask is None else np.ascontiguousarray(np.asarray(mask) != 0, dtype=np.uint8)
     for name, values, shape in (("Timestamp", times, pixels.shape[:1]), ("Mask", lit, pixels.shape[1:])):
         if values is not None and values.shape != shape:
-            raise ValueError(f"{name} has {values.size} values; {np.prod(shape)} are needed, of shape {shape}")
+            raise ValueError(f"{name} has shape {values.shape}; {shape} is needed")
     return arrays.make_sweep(np.ascontiguousarray(pixels), np.ascontiguousarray(matrices), times, lit)
 
 
@@ -320,7 +320,7 @@ def mean(field: Field, plane: Any, size: Optional[Sequence[int]] = None, spacing
 def metrics(a: Any, b: Any) -> dict[str, float]:
     """How close image a is to the truth b: both [height, width] or [frames, height, width], or vtkImageData.
 
-    uint8 pixels are divided by 255, floating-point ones must lie in [0, 1]. Gives psnr (dB), ssim, bfs and the three
+    uint8 pixels are divided by 255, bool is black and white, floating-point ones must lie in [0, 1]. Gives psnr (dB), ssim, bfs and the three
     terms of bfs: mean_contrast, contrast_distribution, rayleigh; each the mean over frames.
     """
     return tasks.metrics(a, b)

@@ -352,8 +352,8 @@ def _intensities(image: ArrayLike) -> np.ndarray:
     pixels = np.asarray(image)
     if pixels.dtype == np.uint8:
         pixels = pixels.astype(np.float32) / np.float32(255)
-    elif pixels.dtype.kind != "f":
-        raise TypeError(f"an image is uint8 or floats in [0, 1], not {pixels.dtype}")
+    elif pixels.dtype != np.bool_ and pixels.dtype.kind != "f":
+        raise TypeError(f"an image is uint8, bool or floats in [0, 1], not {pixels.dtype}")
     if pixels.ndim not in (2, 3) or 0 in pixels.shape:
         raise ValueError(f"an image has shape (height, width) or (frames, height, width), not {pixels.shape}")
     pixels = np.ascontiguousarray(pixels, dtype=np.float32)
