@@ -264,6 +264,12 @@ class Reslice(unittest.TestCase):
         with self.assertRaisesRegex(ValueError, r"size=\(width, height\)"):
             bigus.reslice(make_field(np.empty((0, 3)), np.empty((0, 3)), np.empty(0)), pose())
 
+    def test_a_plane_is_told_by_a_corner_and_two_directions(self):
+        matrix = bigus.plane((1, 2, 3), [(2, 0, 0), (0, 0, 5)], (0.25, 0.5))
+        np.testing.assert_allclose(matrix @ (4, 2, 0, 1), (2, 2, 4, 1))
+        with self.assertRaisesRegex(ValueError, "axes"):
+            bigus.plane((1, 2, 3), np.eye(2))
+
     def test_bad_spacings_are_named(self):
         for spacing in (0, -1, math.nan, math.inf, (0.2, 0)):
             with self.subTest(spacing), self.assertRaisesRegex(ValueError, "spacing must be positive"):

@@ -40,8 +40,8 @@ for _library in [found.name for found in pkgutil.iter_modules(__path__) if found
 from ._update import instruction_sets, use_instruction_set
 from .arrays import image
 from .common import Planes, PoseCorrection, TrainingInterrupted
-from .functions import Training, check, correct_poses, frames, mean, metrics, poses, read, read_field, read_planes, read_spacing
-from .functions import read_stack, read_sweep, reslice, standard_error, sweep, train, write
+from .functions import Training, check, correct_poses, frames, mean, metrics, plane, poses, read, read_field, read_planes
+from .functions import read_spacing, read_stack, read_sweep, reslice, standard_error, sweep, train, write
 from .pipeline import update
 from .sources import SourceError, from_files
 from .tasks import label, label_map, texture

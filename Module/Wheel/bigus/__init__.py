@@ -26,11 +26,11 @@ from ._core import added_filters as _added_filters
 from ._core import use_instruction_set
 from .arrays import field
 from .common import Planes, PoseCorrection, TrainingInterrupted
-from .functions import Training, check, correct_poses, frames, mean, metrics, poses, read, read_field, read_planes, read_spacing
-from .functions import read_stack, read_sweep, reslice, standard_error, sweep, train, write
+from .functions import Training, check, correct_poses, frames, mean, metrics, plane, poses, read, read_field, read_planes
+from .functions import read_spacing, read_stack, read_sweep, reslice, standard_error, sweep, train, write
 from .names import no_such
 from .sources import SourceError, from_files
-from .tasks import Phantom, Slicer, distance_to_frames, label, label_map, options, plane
+from .tasks import Phantom, Slicer, distance_to_frames, label, label_map, options
 
 if TYPE_CHECKING:  # what is loaded, with VTK, when it is asked for
     from .data_filters import *

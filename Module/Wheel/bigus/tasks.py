@@ -212,23 +212,6 @@ Phantom.__doc__ = "\n".join([(Phantom.__doc__ or "").rstrip(), *_lines, "    "])
 # Slices
 
 
-def plane(origin: ArrayLike, axes: ArrayLike, spacing: Union[float, Sequence[float]] = 1.0) -> np.ndarray:
-    """The 4 x 4 matrix of a plane, from pixel (i, j, 0, 1) to mm.
-
-    origin: centre of pixel (0, 0), mm. axes: [2, 3] or [3, 3], directions of i and j (they are normalised); a third is
-    not looked at. spacing: mm a pixel, one number or (along i, along j). Raises ValueError unless they span a plane.
-    """
-    directions, place = np.asarray(axes, dtype=np.float64), np.asarray(origin, dtype=np.float64)
-    if directions.shape not in ((2, 3), (3, 3)):
-        raise ValueError(f"axes are the directions of i and j, of shape (2, 3), not {directions.shape}")
-    if place.shape != (3,):
-        raise ValueError(f"origin is three numbers, mm, not {origin!r}")
-    matrix = np.eye(4)
-    matrix[:3, 0], matrix[:3, 1] = directions[:2]
-    matrix[:3, 3] = place
-    return pixel_matrix(matrix, spacing)
-
-
 class Slicer:
     """A field ready for many slices; it holds the field as it was when the slicer was made.
 
