@@ -119,6 +119,11 @@ class Arrays(unittest.TestCase):
         with self.assertRaisesRegex(ValueError, r"\(4,\)"):
             bigus.image(np.zeros(4))
 
+    def test_a_field_has_no_frames(self):
+        for function in (bigus.frames, bigus.poses):
+            with self.subTest(function.__name__), self.assertRaisesRegex(TypeError, "takes a sweep"):
+                function(two_blobs())
+
     def test_true_is_white(self):
         lit = np.indices((2, 28, 36)).sum(axis=0) % 3 == 0
         np.testing.assert_array_equal(bigus.frames(bigus.sweep(lit, [pose(0), pose(1)])), 255 * lit.astype(np.uint8))

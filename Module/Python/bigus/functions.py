@@ -72,6 +72,7 @@ def sweep(frames: ArrayLike, poses: ArrayLike, timestamps: Optional[ArrayLike] =
 
 def frames(sweep: Sweep) -> np.ndarray:
     """The frames of a sweep: [frames, height, width], a view of its own pixels. A Sweep's cannot be written to."""
+    require(sweep, Sweep, "frames", "sweep")
     return arrays.frames(sweep)
 
 
@@ -80,6 +81,7 @@ def poses(sweep: Sweep) -> np.ndarray:
 
     ``poses(sweep)[k] @ (i, j, 0, 1)`` is where pixel column i, row j of frame k lies, mm.
     """
+    require(sweep, Sweep, "poses", "sweep")
     return arrays.poses(sweep)
 
 
