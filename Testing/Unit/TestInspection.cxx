@@ -986,4 +986,31 @@ TEST(Inspection, TrainingNumbersFramesAsRecorded)
   EXPECT_EQ(bigus::Train(sweep, options).trainingFrames.size(), 24u);
 }
 
+TEST(Inspection, SequencesGivenTwiceOrFarApartAreDoubted)
+{
+  const auto said = [](const Frames& other)
+  {
+    std::string text;
+    for (const bigus::Finding& finding :
+         bigus::Inspect(bigus::Join({PhantomFrames(1).AsSweep(), other.AsSweep()}), {}, 0).findings)
+    {
+      text += finding.evidence;
+    }
+    return text;
+  };
+  Frames other = PhantomFrames(1);
+  EXPECT_NE(said(other).find("given twice"), std::string::npos) << said(other);
+  const auto move = [&other](double distance)
+  {
+    for (Eigen::Matrix4d& pose : other.poses)
+    {
+      pose(0, 3) += distance;
+    }
+  };
+  move(30);
+  EXPECT_EQ(said(other), "");
+  move(500);
+  EXPECT_NE(said(other).find("sequence 1 lies 5"), std::string::npos) << said(other);
+}
+
 }  // namespace

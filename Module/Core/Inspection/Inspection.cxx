@@ -13,6 +13,7 @@
 #include "Core/Model/Error.h"
 #include "Core/Model/Sequences.h"
 #include "Core/Numerics/OpenCv.h"
+#include "Core/Poses/PoseDoubts.h"
 
 namespace bigus
 {
@@ -273,6 +274,10 @@ try
     covered.resize(result.frames.size(), inspected.covered.empty()
                                              ? nullptr
                                              : std::make_shared<const std::vector<std::uint8_t>>(inspected.covered));
+  }
+  if (std::optional<std::string> doubt = DoubtAboutSequences(*sweep))
+  {
+    result.findings.push_back({FindingKind::Poses, {}, 0, false, *std::move(doubt)});
   }
   if (result.frames != AllFrames(*sweep))
   {

@@ -2,8 +2,10 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "Core/Poses/PoseDoubts.h"
 
+#include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "Core/Model/SlicePlane.h"
 #include "Core/Numerics/Constants.h"
@@ -128,6 +130,47 @@ std::vector<std::string> DoubtsAboutPoses(const Sweep& sweep, const std::vector<
                                                   " lie in the plane of the frame before them, within 0.005 pixels.");
   }
   return doubts;
+}
+
+std::optional<std::string> DoubtAboutSequences(const Sweep& sweep)
+{
+  constexpr double kFarApart = 3;  // times the largest sequence's diagonal: further than organs of one patient lie
+  const std::vector<std::vector<int>> sequences = BySequence(sweep, AllFrames(sweep));
+  const auto& poses = sweep.imageToReference;
+  std::vector<Eigen::AlignedBox3d> boxes(sequences.size());
+  double largest = 0;
+  for (std::size_t s = 0; s < sequences.size(); ++s)
+  {
+    for (const int frame : sequences[s])
+    {
+      const SlicePlane plane = sweep.Plane(frame);
+      for (const double i : {0.0, plane.width - 1.0})
+      {
+        boxes[s].extend(plane.Point(i, 0)).extend(plane.Point(i, plane.height - 1));
+      }
+    }
+    largest = std::max(largest, boxes[s].diagonal().norm());
+  }
+  for (std::size_t s = 0; s < sequences.size() && sequences.size() > 1; ++s)
+  {
+    double nearest = std::numeric_limits<double>::infinity();
+    for (std::size_t other = 0; other < sequences.size(); ++other)
+    {
+      const auto first = poses.begin() + sequences[s].front(), second = poses.begin() + sequences[other].front();
+      if (other < s && std::equal(first, first + sequences[s].size(), second, second + sequences[other].size()))
+      {
+        return "sequences " + std::to_string(other + 1) + " and " + std::to_string(s + 1) +
+               " have the same poses: is one given twice?";
+      }
+      nearest = other == s ? nearest : std::min(nearest, boxes[s].exteriorDistance(boxes[other]));
+    }
+    if (nearest > kFarApart * largest)
+    {
+      return "sequence " + std::to_string(s + 1) + " lies " + Format("%.0f mm", nearest) +
+             " from the nearest other: are all in one coordinate frame?";
+    }
+  }
+  return std::nullopt;
 }
 
 }  // namespace bigus
