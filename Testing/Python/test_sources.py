@@ -184,7 +184,51 @@ class PosesOfEveryKind(InFolder):
             self.check(self.load(self.write("plain.txt", table((), rows, " "))))
             self.check(self.load(self.write("timed.txt", table((), np.concatenate([times, rows], axis=1)))), times=TIMES)
         rows = np.concatenate([positions, QUATERNIONS[:, 3:], QUATERNIONS[:, :3]], axis=1)
-        self.check(self.load(self.write("w.txt", table((), rows)), quaternion="wxyz"))
+        sweep = self.load(self.write("w.txt", table((), rows)), quaternion="wxyz")
+        self.check(sweep)
+        self.assertRegex(sweep.notes[0], r"w\.txt has no names of columns, .* as w x y z, as the option quaternion says")
+        # Numbers cannot say which order they have, so what was taken is said; names can, and a matrix has one order.
+        rows = np.concatenate([positions, QUATERNIONS], axis=1)
+        np.save(self.folder / "seven.npy", rows)
+        for path in (self.write("x.txt", table((), rows)), self.folder / "seven.npy"):
+            self.assertRegex(self.load(path).notes[0], "usual order, x y z w. Where w comes first, give --quaternion wxyz")
+        for path in (self.write("m.txt", table((), POSES.reshape(-1, 16))),
+                     self.write("q.txt", table(("x", "y", "z", "qx", "qy", "qz", "qw"), rows))):
+            self.assertEqual(self.load(path).notes, [])
+
+    def test_rows_that_are_none(self):
+        """Titles, units and comments are no poses, and what a spreadsheet writes for no number is no comment."""
+        names = ("x", "y", "z", "qx", "qy", "qz", "qw")
+        rows = np.concatenate([POSES[:, :3, 3], QUATERNIONS], axis=1)
+        for separator in (",", ";", "\t", " "):
+            good = table(names, rows, separator)
+            header, numbers = good.split("\n", 1)
+            for title in ("Recorded with NDI on 2024", "Recorded", "Trial 3\n\nBy hand, in 2024"):
+                with self.subTest(separator=separator, title=title):
+                    sweep = self.load(self.write("title.csv", f"{title}\n{good}"))
+                    self.check(sweep)
+                    self.assertRegex(sweep.notes[0], r"Line 1 of .*title\.csv stands before the names.*: '(Recorded|Trial 3)")
+            units = separator.join(["mm", "[mm]", "(mm)", "-", "-", "-", "-"])
+            sweep = self.load(self.write("units.csv", f"{header}\n{units}\n{numbers}"))
+            self.check(sweep)
+            self.assertRegex(sweep.notes[0], r"Line 2 of .*units\.csv holds units and no pose, and was skipped: 'mm, \[mm\]")
+            # As numpy writes names; w stands first, which no number tells.
+            w_first = table(("qw", "qx", "qy", "qz", "x", "y", "z"), rows[:, [6, 3, 4, 5, 0, 1, 2]], separator)
+            self.check(self.load(self.write("numpy.csv", "# " + w_first)))
+            lines = good.split("\n")
+            lines[3] = separator.join(["#N/A"] * 7)
+            kept = np.arange(FRAMES) != 2
+            sweep = self.load(self.write("lost.csv", "\n".join(lines)))
+            self.check(sweep, TRUTH[kept], IMAGES[kept])
+            self.assertEqual(sweep.notes, ["1 of 7 frames have no pose and are left out: 2."])
+            lines.insert(5, "#" + lines[5])
+            sweep = self.load(self.write("comment.csv", "\n".join(lines)))
+            self.check(sweep, TRUTH[kept], IMAGES[kept])
+            self.assertRegex(sweep.notes[0], "1 of the lines of .*comment.csv begin with # and were skipped as comments: 6")
+        for text, part in (("Recorded by hand\n" + table((), rows), r"line 1 \('Recorded by hand'\) is no row"),
+                           ("Recorded in 2024\n" + table((), rows, " "), r"line 1 \('Recorded in 2024'\) is no row")):
+            with self.assertRaisesRegex(sources.SourceError, part + ".*begin it with #"):
+                self.load(self.write("bad.csv", text))
 
     def test_sequence_of_slicer(self):
         """Text as 3D Slicer 5.13 writes it for a sequence of transforms; the second frame was lost."""
@@ -238,7 +282,8 @@ class PosesOfEveryKind(InFolder):
                     written = [lost if k in (2, 3) else list(row) for k, row in enumerate(rows)]
                     sweep = self.load(self.write("lost.csv", table(names, written)))
                     self.check(sweep, TRUTH[kept], IMAGES[kept])
-                    self.assertEqual(sweep.notes, ["2 of 7 frames have no pose and are left out: 2, 3."])
+                    self.assertEqual([note for note in sweep.notes if "quaternions" not in note],
+                                     ["2 of 7 frames have no pose and are left out: 2, 3."])
         # Also where the first row is lost, and where there is no rotation but a last row.
         self.check(self.load(self.write("first.csv", table((), [["MISSING"] * 7, *position_and_turn[1:]]))), TRUTH[1:], IMAGES[1:])
         zeros = POSES.copy()
@@ -258,6 +303,60 @@ class PosesOfEveryKind(InFolder):
         rows = [[k, *POSES[k].ravel()] for k in (5, 0, 3)]
         sweep = self.load(self.write("some.csv", table(("frame", *MATRIX_NAMES), rows)))
         self.check(sweep, TRUTH[[0, 3, 5]], IMAGES[[0, 3, 5]])
+
+    def test_every_name_of_a_frames_column(self):
+        order = [5, 0, 3, 6, 1, 2, 4]
+        for name in ("frame", "Frame_ID", "Frame Number", "frame-index", "Index", "ID", "image", "File", "file name", "picture"):
+            for first in (0, 1):
+                with self.subTest(name=name, first=first):
+                    rows = [[str(k + first), float(TIMES[k]), *POSES[k].ravel()] for k in order]
+                    sweep = self.load(self.write("named.csv", table((name, "time_s", *MATRIX_NAMES), rows)))
+                    self.check(sweep, times=TIMES)
+                    said = [note for note in sweep.notes if "counted from 1" in note]
+                    self.assertEqual(len(said), first)
+        rows = [[str(k), *POSES[k].ravel()] for k in (1, 2)]
+        sweep = self.load(self.write("some.csv", table(("frame", *MATRIX_NAMES), rows)))
+        self.check(sweep, TRUTH[1:3], IMAGES[1:3])
+        self.assertIn("begins with 1 and does not reach 7, the number of frames, so its numbers were counted from 0", sweep.notes[0])
+
+    def test_numbers_that_count_rows_are_no_times(self):
+        order = [5, 0, 3, 6, 1, 2, 4]
+        quaternions = np.concatenate([POSES[:, :3, 3], QUATERNIONS], axis=1)
+        for values in (POSES.reshape(-1, 16), POSES.reshape(-1, 16)[:, :12], quaternions):
+            for first in (0, 1):
+                for taken in (order, range(FRAMES)):
+                    rows = [[k + first, *values[k]] for k in taken]
+                    sweep = self.load(self.write("counted.txt", table((), rows, " ")))
+                    self.check(sweep)
+                    self.assertIn(f"counts them from {first}, so it was taken for a frame's number, not for a time.", sweep.notes[-1])
+        rows = [[k, *POSES[k].ravel()] for k in (2, 0, 1)]  # of fewer rows than frames the others have no pose
+        self.check(self.load(self.write("counted.txt", table((), rows, " "))), TRUTH[:3], IMAGES[:3])
+
+    def test_sequence_of_transforms_without_a_time(self):
+        header = "ObjectType = Image\nNDims = 3\nDimSize = 0 0 7\n"
+        for k in range(FRAMES):
+            numbers = " ".join(repr(float(x)) for x in POSES[k].ravel())
+            header += (f"Seq_Frame{k:04d}_ProbeTransform = {numbers}\nSeq_Frame{k:04d}_ProbeTransformStatus = "
+                       f"{('ok', 'True', '1')[k % 3]}\nSeq_Frame{k:04d}_Timestamp = {1000 * TIMES[k]:.6g}\n")
+        whole = header + "ElementDataFile = LOCAL\n"
+        sweep = self.load(self.write("probe.seq.mha", whole))
+        self.check(sweep, times=TIMES)
+        self.assertIn("taken for milliseconds, because they are 50 apart", sweep.notes[0])
+        sweep = self.load(self.write("probe.seq.mha", whole.replace("Seq_Frame0002_Timestamp = 100\n", "")))
+        self.check(sweep)
+        self.assertIn("1 of 7 frames have no time, so times are not used.", sweep.notes)
+
+    def test_times_of_pictures_that_do_not_ascend_are_said(self):
+        for stamps, said in ((TIMES[[0, 2, 1, 3, 4, 5, 6]], "1 come before the one in front of them and 0 have its time"),
+                             (np.zeros(FRAMES), "0 come before the one in front of them and 6 have its time"), (TIMES, None)):
+            rows = np.concatenate([stamps[:, None], POSES.reshape(-1, 16)], axis=1)
+            sweep = self.load(self.write("times.csv", table(("time_s", *MATRIX_NAMES), rows)))
+            self.check(sweep, times=stamps)
+            self.assertEqual([said in note for note in sweep.notes], [True] if said else [])
+        rows = [["" if k == 3 else repr(float(TIMES[k])), *POSES[k].ravel()] for k in range(FRAMES)]
+        sweep = self.load(self.write("times.csv", table(("time_s", *MATRIX_NAMES), rows)))
+        self.check(sweep)
+        self.assertEqual(sweep.notes, ["1 of 7 frames have no time, so times are not used."])
 
     def test_units_inverse_and_reference(self):
         metres = POSES.copy()
@@ -381,7 +480,7 @@ class TimesOfEveryKind(InFolder):
         for name in ("timestamp_ns", "Time (ns)", "time[nsec]", "t_nanoseconds"):
             self.assertEqual(self.load(nanoseconds, (name, *self.NAMES[1:])), [said + "by the name of their column."])
         for names in (self.NAMES, ("times", *self.NAMES[1:]), ()):
-            self.assertEqual(self.load(nanoseconds, names), [said + "because they are 1.667e+07 apart."])
+            self.assertEqual(self.load(nanoseconds, names)[-1:], [said + "because they are 1.667e+07 apart."])
         for factor, unit in ((1e6, "microseconds"), (1e3, "milliseconds")):
             rows = self.ROWS * [factor, *[1] * 7]
             self.assertIn(f"taken for {unit}, because", self.load(rows)[0])
@@ -585,6 +684,57 @@ class ImagesOfEveryKind(InFolder):
         package("imageio")
         with mock.patch.dict(sys.modules, {"cv2": None}):
             self.check(self.load(self.folder / "frames"), images=red)
+
+    def picture_folder(self, names):
+        """Pictures of these names, one a frame, and what reads each, so that no package is needed."""
+        folder = self.folder / "named"
+        folder.mkdir()
+        for name in names:
+            (folder / name).parent.mkdir(exist_ok=True)
+            (folder / name).write_text("")
+        images = {str(folder / name): image for name, image in zip(names, IMAGES)}
+        patch = mock.patch.object(sources, "_picture", side_effect=lambda path: images[str(path)])
+        patch.start()
+        self.addCleanup(patch.stop)
+        return folder
+
+    def test_rows_name_their_pictures(self):
+        names = [f"frame_{k}.png" for k in range(5, 5 + FRAMES)]  # up to frame_11
+        folder = self.picture_folder(names)
+        glob = sorted(range(FRAMES), key=lambda k: names[k])  # frame_10 before frame_5
+        self.assertNotEqual(glob, list(range(FRAMES)))
+        spellings = (lambda k: names[k], lambda k: f"named/{names[k]}", lambda k: f"C:\\scan\\{names[k]}", lambda k: f"/far/{names[k]}",
+                     lambda k: names[k][:-4], lambda k: str(k + 5), lambda k: str(k))
+        for title in ("image", "Filename", "File name", "picture", "file"):
+            for spelling in spellings:
+                for rows in (glob, glob[::2]):
+                    with self.subTest(title=title, cell=spelling(0), rows=len(rows)):
+                        text = table((title, *MATRIX_NAMES), [[spelling(k), *POSES[k].ravel()] for k in rows])
+                        sweep = self.load(folder, self.write("named.csv", text))
+                        self.check(sweep, TRUTH[sorted(rows)], IMAGES[sorted(rows)])
+        for title, cell, part in (("image", "frame_99.png", "names none of the 7 pictures (frame_5.png, frame_6.png, ...)"),
+                                  ("frame", "frame_5.png", "; a frame's number"), ("file", "", "names none of the 7 pictures"),
+                                  ("file", "12", "names frame 12, but there are 7"), ("frame_id", "world", "; a frame's number")):
+            with self.subTest(title=title, cell=cell), self.assertRaises(sources.SourceError) as caught:
+                text = table((title, *MATRIX_NAMES), [[cell, *POSES[k].ravel()] for k in range(FRAMES)])
+                self.load(folder, self.write("bad.csv", text))
+            self.assertIn(f"bad.csv: line 2, column {title}: '{cell}'{part if part[0] == ';' else ' ' + part}", str(caught.exception))
+            self.assertIn("Rename the column where it holds something else", str(caught.exception))
+        text = table(("image", *MATRIX_NAMES), [["frame_5.png", *POSES[k].ravel()] for k in range(2)])
+        with self.assertRaisesRegex(sources.SourceError, "line 3, column image: 'frame_5.png' names a frame twice"):
+            self.load(folder, self.write("bad.csv", text))
+        with self.assertRaisesRegex(sources.SourceError, "names a picture, but the images are not files with names"):
+            self.load(self.folder / "images.npy", "bad.csv")
+
+    def test_pictures_of_one_name_in_several_folders(self):
+        names = [f"{side}/{k}.png" for k in range(4) for side in ("left", "right")][:FRAMES]
+        self.picture_folder(names)
+        self.write("list.txt", "\n".join(f"named/{name}" for name in names))
+        rows = [[names[k], *POSES[k].ravel()] for k in range(FRAMES)][::-1]
+        self.check(self.load(self.folder / "list.txt", self.write("named.csv", table(("image", *MATRIX_NAMES), rows))))
+        rows[1][0] = "0.png"
+        with self.assertRaisesRegex(sources.SourceError, "line 3, column image: '0.png' names 2 of the 7 pictures"):
+            self.load(self.folder / "list.txt", self.write("named.csv", table(("image", *MATRIX_NAMES), rows)))
 
     def test_video(self):
         cv2 = package("cv2")
@@ -879,9 +1029,9 @@ class BadFiles(InFolder):
             "row 0: the matrix is no rotation": table(names, TRUTH.reshape(-1, 16)),
             "its determinant is -1": table(names, (POSES @ np.diag([-1, 1, 1, 1])).reshape(-1, 16)),
             "3 poses for 7 frames": table(names, flat[:3]),
-            "names frame 99": table(("frame", *names), [[99, *flat[0]]]),
+            "line 2, column frame: '99.0' names frame 99, but there are 7, counted from 0. Rename": table(("frame", *names), [[99, *flat[0]]]),
             "names a frame twice": table(("frame", *names), [[1, *flat[0]], [1, *flat[0]]]),
-            "'1.5'; a frame's index": table(("frame", *names), [[1.5, *flat[0]]]),
+            "line 2, column frame: '1.5'; a frame's number": table(("frame", *names), [[1.5, *flat[0]]]),
             "no frame has a pose": table(("status", *names), [["LOST", *row] for row in flat]),
         }
         for part, text in cases.items():

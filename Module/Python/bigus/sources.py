@@ -55,6 +55,17 @@ class Images(NamedTuple):
     times: Optional[np.ndarray] = None  # s, [frames]
     spacing: Optional[tuple] = None  # mm of a pixel along i and j, where the file says
     has_text: bool = False  # the file says that text, which may name a patient, is part of the pictures
+    names: Optional[list] = None  # of the files, where each frame is one
+
+
+class Named(NamedTuple):
+    """The column of a table that says which frame a row belongs to."""
+
+    title: str
+    cells: list  # [rows]
+    lines: list  # [rows], numbers of the file's lines
+    may_be_names: bool = False  # of pictures; else numbers of frames
+    is_guess: bool = False  # it has no name, and may be times
 
 
 class Poses(NamedTuple):
@@ -63,6 +74,8 @@ class Poses(NamedTuple):
     frames: Optional[np.ndarray] = None  # index of the frame of each row, counted from 0
     image: Optional[np.ndarray] = None  # [4, 4] from a pixel to what the poses lead from, where the file says
     unit: Optional[float] = 1.0  # s, of times; None where the file does not say
+    named: Optional[Named] = None  # from which frames follow when the images are known
+    notes: tuple = ()  # what was decided or left out, a sentence each
 
 
 class Stored(NamedTuple):
@@ -361,14 +374,14 @@ def _in_natural_order(paths: Iterable[pathlib.Path]) -> list:
     return sorted(paths, key=key)
 
 
-def _folder(path: pathlib.Path) -> np.ndarray:
+def _folder(path: pathlib.Path) -> Images:
     paths = _in_natural_order(entry for entry in path.iterdir() if entry.suffix.lower() in PICTURES)
     if not paths:
         raise SourceError(f"{path}: holds no picture; {', '.join(PICTURES)} are looked for")
-    return _pictures(paths)
+    return Images(_pictures(paths), names=list(map(str, paths)))
 
 
-def _list_of_frames(path: pathlib.Path) -> np.ndarray:
+def _list_of_frames(path: pathlib.Path) -> Images:
     """A text file with the name of a picture a line, relative to the file."""
     try:
         lines = path.read_text(encoding="utf-8-sig").splitlines()
@@ -382,7 +395,7 @@ def _list_of_frames(path: pathlib.Path) -> np.ndarray:
                 raise SourceError(f"{path}: line {number} names {pictures[-1]}: there is no such file")
     if not pictures:
         raise SourceError(f"{path}: names no picture; a list has the name of one a line")
-    return _pictures(pictures)
+    return Images(_pictures(pictures), names=list(map(str, pictures)))
 
 
 def _dicom(path: Path) -> Images:
@@ -441,7 +454,7 @@ def read_images(path: Path, dataset: Sequence[str] = (), scan: Optional[str] = N
     """The frames of a file, a folder of pictures, or a text file that lists them. dataset, scan: as in from_files."""
     path, suffix = pathlib.Path(path), _suffix(path)
     if path.is_dir():
-        return Images(_folder(path))
+        return _folder(path)
     if suffix in (".npy", ".npz"):
         return Images(as_pixels(_numpy(path, ("images", "frames"), "images", dataset), path))
     if suffix in HDF5:
@@ -453,7 +466,7 @@ def read_images(path: Path, dataset: Sequence[str] = (), scan: Optional[str] = N
     if suffix in SEQUENCES:
         return _sequence(path)
     if suffix == ".txt":
-        return Images(_list_of_frames(path))
+        return _list_of_frames(path)
     with open(path, "rb") as file:
         is_dicom = file.read(132)[128:] == b"DICM"
     if is_dicom or suffix == ".dcm":
@@ -510,10 +523,18 @@ TIME = re.compile(r"(?:timestamp|time|t|stamp)s?(?:(?P<s>sec|secs|seconds)|(?P<m
                   r"(?P<us>us|usecs?|micros|microseconds)|(?P<ns>ns|nsecs?|nanos|nanoseconds))?")
 LARGEST_DRIFT = 0.1  # s between the times of frames and those of their poses
 SHORTEST_STEP, LONGEST_STEP = 2e-4, 10.0  # s between the poses of a tracker, on the median
-FRAME = {"frame", "frameindex", "imageindex", "index"}
+# Which frame a row belongs to; of several columns the first of these names. The same as in Module/IO's PictureNames.cxx.
+PICTURE = ("image", "file", "filename", "picture")
+FRAME = ("frame", "frameindex", "framenumber", "frameid", "imageindex", "index", "id")
+ELSE = "Rename the column where it holds something else"
 HEADERLESS = {16: 0, 12: 0, 7: 0, 17: 1, 13: 1, 8: 1}  # numbers in a row, and how many of them are a time, first
 
 
+MOST_TITLES = 20  # lines before the names of the columns
+# What a spreadsheet writes where it has no number: such a line is a row, though it begins like a comment.
+NO_NUMBER = re.compile(r"\s*\"?#(N/A|NUM!|VALUE!|REF!|DIV/0!|NULL!|NAME\?)", re.IGNORECASE)
+WORDS_OF_UNITS = {"um", "mm", "cm", "m", "deg", "degree", "degrees", "rad", "radian", "radians", "s", "sec", "seconds", "ms", "us",
+                  "ns", "px", "pixel", "pixels"}
 DECIMAL_COMMA = re.compile(r"[-+]?\d*,\d+(?:[eE][-+]?\d+)?")
 
 
@@ -554,6 +575,22 @@ def _number(cell: str, name: Path, line: int, column: str) -> float:
         raise SourceError(f"{name}: line {line}, column {column}: '{cell[:40]}' is not a number") from None
 
 
+def _plain(cell: str) -> str:
+    """The name of a column as it is compared."""
+    return re.sub(r"[^a-z0-9]", "", cell.lower())
+
+
+def _pose_columns(names: Sequence[str]) -> Optional[list]:
+    """The columns of a pose, 16, 12 or 7; None where names have none."""
+    matrix, pose = ([next((c for c, name in enumerate(names) if name in known), None) for known in wanted]
+                    for wanted in (MATRIX, TRANSLATION + QUATERNION))
+    return next((found for found in (matrix, matrix[:12], pose) if None not in found), None)
+
+
+def _is_comment(line: str) -> bool:
+    return line.lstrip().startswith("#") and not NO_NUMBER.match(line)
+
+
 class _Table:
     """Cells of a text, and the names of its columns where it has any."""
 
@@ -563,26 +600,72 @@ class _Table:
         except UnicodeDecodeError:
             raise SourceError(f"{path}: not text; a table of poses is expected") from None
         self.path = path
+        self.notes: list = []
         lines = [(k, line) for k, line in enumerate(text.splitlines(), 1)
-                 if line.strip() and not re.match(r"\s*(#|sep=.$)", line)]  # spreadsheets name their separator so
-        if not lines:
+                 if line.strip() and not re.match(r"\s*sep=.$", line)]  # spreadsheets name their separator so
+        rows = [(k, line) for k, line in lines if not _is_comment(line)]
+        if not rows:
             raise SourceError(f"{path}: is empty; a table of poses is expected")
-        separator = _separator([line for _, line in lines])
-        self.rows = [(k, _cells(line, separator, path, k)) for k, line in lines]
-        first, self.titles = self.rows[0]
-        self.names = [re.sub(r"[^a-z0-9]", "", cell.lower()) for cell in self.titles]
-        words = {name for name in self.names if re.match(r"[a-z]", name) and name not in ("nan", "inf") and not _is_nothing(name)}
-        self.has_names = len(words) > 1  # one word, again and again, is a first row in which the tracker saw nothing
-        if self.has_names:
-            del self.rows[0]
+        self.separator = _separator([line for _, line in rows])
+        self._take_names(lines, rows)
         if not self.rows:
             raise SourceError(f"{path}: has a header and no row")
+        self._take_units()
+        self._require_width()
+        self._say_comments(lines)
+
+    def _take_names(self, lines: list, rows: list) -> None:
+        """Of the first line that names a pose, also one that begins with # as numpy's; else of the first with two words."""
+        for at, (header, line) in enumerate(lines[:MOST_TITLES]):
+            self.titles = _cells(line.lstrip("# \t") if _is_comment(line) else line, self.separator, self.path, header)
+            self.names = list(map(_plain, self.titles))
+            if _pose_columns(self.names):
+                for k, title in lines[:at]:
+                    if not _is_comment(title):
+                        self.notes.append(f"Line {k} of {self.path} stands before the names of the columns and was skipped: "
+                                          f"'{title.strip()[:60]}'.")
+                rows = [(k, row) for k, row in rows if k > header]
+                self.has_names, self.first = True, header
+                break
+        else:
+            self.first, line = rows[0]
+            self.titles = _cells(line, self.separator, self.path, self.first)
+            self.names = list(map(_plain, self.titles))
+            words = {name for name in self.names
+                     if re.match(r"[a-z]", name) and name not in ("nan", "inf") and not _is_nothing(name)}
+            self.has_names = len(words) > 1  # one word, again and again, is a first row in which the tracker saw nothing
+            rows = rows[1:] if self.has_names else rows
+        self.rows = [(k, _cells(row, self.separator, self.path, k)) for k, row in rows]
+
+    def _take_units(self) -> None:
+        """Leaves out a line of units below the names."""
+        k, cells = self.rows[0]
+        words = [cell.strip("()[] ").lower() for cell in cells]
+        if (self.has_names and len(self.rows) > 1 and WORDS_OF_UNITS.intersection(words)
+                and all(word in WORDS_OF_UNITS or _is_nothing(word) for word in words)):
+            del self.rows[0]
+            self.notes.append(f"Line {k} of {self.path} holds units and no pose, and was skipped: '{', '.join(cells)[:60]}'.")
+
+    def _require_width(self) -> None:
         self.width = len(self.names) if self.has_names else max(len(cells) for _, cells in self.rows)
         for k, cells in self.rows:
-            if len(cells) < self.width and re.fullmatch(r"\D+", cells[-1]):  # one word in the place of a pose
+            if len(cells) < self.width and re.fullmatch(r"\D+", cells[-1]) and k != self.first:  # a word in the place of a pose
                 cells += [""] * (self.width - len(cells))
-            if len(cells) != self.width:
-                raise SourceError(f"{path}: line {k} has {len(cells)} cells, line {first} has {self.width}; is it cut off?")
+        wrong = [(k, len(cells)) for k, cells in self.rows if len(cells) != self.width]
+        if not wrong:
+            return
+        if len({len(cells) for k, cells in self.rows if k != self.first}) == 1 and re.search("[A-Za-z]", self.titles[0]):
+            raise SourceError(f"{self.path}: line {self.first} ('{' '.join(self.titles)[:60]}') is no row, and names no columns that "
+                              "are read; remove it, or begin it with #")
+        usual = next(k for k, cells in [(self.first, self.names), *self.rows] if len(cells) == self.width)
+        raise SourceError(f"{self.path}: line {wrong[0][0]} has {wrong[0][1]} cells, line {usual} has {self.width}; is it cut off?")
+
+    def _say_comments(self, lines: list) -> None:
+        """Comments among the rows that look as rows do."""
+        like = [k for k, line in lines if _is_comment(line) and k > self.rows[0][0] and self.width > 1
+                and len(_cells(line, self.separator, self.path, k)) == self.width]
+        if like:
+            self.notes.append(f"{len(like)} of the lines of {self.path} begin with # and were skipped as comments: {_listed(like)}.")
 
     def column_of(self, names: Iterable[str]) -> Optional[int]:
         return next((c for c, name in enumerate(self.names) if name in names), None) if self.has_names else None
@@ -609,18 +692,20 @@ class _Table:
                 raise SourceError(f"{self.path}: line {k}, column {name}: '{cell[:40]}'; {expected}")
         return all(cell == "1" or cell.lower() in SOUND for _, cell in said)
 
-    def frames(self) -> Optional[np.ndarray]:
-        """The index of each row's frame, where a column has it."""
-        column = self.column_of(FRAME)
-        if column is None:
+    def named(self) -> Optional[Named]:
+        """What says which frame a row belongs to."""
+        name = next((name for name in PICTURE + FRAME if self.has_names and name in self.names), None)
+        column = 0 if name is None else self.names.index(name)
+        if name is None and (self.has_names or not HEADERLESS[self.width]):
             return None
-        frames = self.numbers(column)
-        wrong = ~((frames >= 0) & (frames < 2**31)) | (frames != np.floor(frames))
-        if wrong.any():
-            k, cells = self.rows[int(np.argmax(wrong))]
-            raise SourceError(f"{self.path}: line {k}, column {self.names[column]}: '{cells[column]}'; a frame's index, counted "
-                              "from 0, is expected")
-        return frames.astype(int)
+        return Named(self.titles[column] if name else "1", [cells[column] for _, cells in self.rows], [k for k, _ in self.rows],
+                     name in PICTURE, name is None)
+
+
+def _said_of_order(path: Path, order: str) -> str:
+    return (f"{path} has no names of columns, so its quaternions were read as w x y z, as the option quaternion says."
+            if order == "wxyz" else f"{path} has no names of columns, so its quaternions were read in the usual order, x y z w. "
+            "Where w comes first, give --quaternion wxyz.")
 
 
 def _text_poses(path: Path, order: str) -> Poses:
@@ -631,18 +716,18 @@ def _text_poses(path: Path, order: str) -> Poses:
                               "position and a quaternion are expected, or one more with a time in seconds first")
         first = HEADERLESS[table.width]
         rows = table.poses(range(first, table.width))
-        return Poses(_matrices_of(rows, path, order), table.numbers(0) if first else None, unit=None)
+        notes = (*table.notes, _said_of_order(path, order)) if table.width - first == 7 else tuple(table.notes)
+        return Poses(_matrices_of(rows, path, order), table.numbers(0) if first else None, unit=None, named=table.named(), notes=notes)
 
-    matrix = [table.column_of(names) for names in MATRIX]
-    pose = [table.column_of(names) for names in TRANSLATION + QUATERNION]
-    columns = next((found for found in (matrix, matrix[:12], pose) if None not in found), None)
+    columns = _pose_columns(table.names)
     if columns is None:
         raise SourceError(f"{path}: has the columns {', '.join(table.titles)[:200]}; m00 to m33, or x, y, z, qx, qy, qz, qw are "
                           "expected")
     matrices = _matrices_of(table.poses(columns), path, "xyzw")  # the order that names give a quaternion
     time, unit = next(((c, match.lastgroup) for c, match in enumerate(map(TIME.fullmatch, table.names)) if match), (None, None))
     times = None if time is None else table.numbers(time)
-    return Poses(matrices, times, table.frames(), unit=unit and dict(zip(("s", "ms", "us", "ns"), UNITS))[unit])
+    return Poses(matrices, times, unit=unit and dict(zip(("s", "ms", "us", "ns"), UNITS))[unit], named=table.named(),
+                 notes=tuple(table.notes))
 
 
 def _sequence_poses(path: Path) -> Poses:
@@ -664,13 +749,13 @@ def _sequence_poses(path: Path) -> Poses:
     rows, count = found[transforms[0]], 1 + max(found[transforms[0]])
     table = np.full((count, 16), np.nan)
     for index, value in rows.items():
-        if found.get(transforms[0] + "Status", {}).get(index, "OK") == "OK":
+        if found.get(transforms[0] + "Status", {}).get(index, "OK").lower() in SOUND | {"1"}:
             words = value.split() if re.search("[1-9]", value) else [""] * 16  # a word, or zeros
             if len(words) != 16:
                 raise SourceError(f"{path}: frame {index}, {transforms[0]}: {len(words)} numbers; 16 are expected")
             table[index] = [_number(word, path, index, transforms[0]) for word in words]
     times = np.array([_number(found.get("Timestamp", {}).get(index, ""), path, index, "Timestamp") for index in range(count)])
-    return Poses(_matrices_of(table, path, "xyzw"), None if np.isnan(times).any() else times)
+    return Poses(_matrices_of(table, path, "xyzw"), None if np.isnan(times).all() else times, unit=None)
 
 
 @_says_what_is_wrong
@@ -688,7 +773,8 @@ def read_poses(path: Path, order: str = "xyzw", dataset: Sequence[str] = (), sca
                               "(frames, 3, 4) or (frames, 7) are expected")
         image = beside.get("pixel_to_image", np.zeros(0))
         image = _matrices_of(image.reshape(1, 16), f"{path}: pixel_to_image", order)[0] if image.size == 16 else None
-        return Poses(_matrices_of(array.astype(float).reshape(len(array), -1), path, order), image=image)
+        notes = (_said_of_order(path, order),) if array.shape[1:] == (7,) else ()
+        return Poses(_matrices_of(array.astype(float).reshape(len(array), -1), path, order), image=image, notes=notes)
     if suffix in SEQUENCES:
         return _sequence_poses(path)
     return _text_poses(path, order)
@@ -869,20 +955,113 @@ def _at_times(poses: Poses, times: np.ndarray, longest_gap: float, name: Path, n
     return between
 
 
+def _whole(cell: str) -> Optional[int]:
+    try:
+        number = float(cell.replace(",", ".") if DECIMAL_COMMA.fullmatch(cell) else cell)
+    except ValueError:
+        return None
+    return int(number) if 0 <= number < 2**31 and number == int(number) else None
+
+
+def _refused_cell(name: Path, named: Named, row: int, what: str) -> SourceError:
+    return SourceError(f"{name}: line {named.lines[row]}, column {named.title}: '{named.cells[row][:60]}'{what}. {ELSE}")
+
+
+def _by_number(named: Named, numbers: list, images: Images, name: Path, notes: list) -> list:
+    """The index of each row's frame, by its number: as the names of the pictures have it, or else counted."""
+    count, files = len(images.pixels), images.names or []
+    own = [re.findall(r"\d+", pathlib.PurePath(file).stem)[-1:] for file in files]
+    places = {int(digits[0]): k for k, digits in enumerate(own) if digits}
+    if len(places) == count and places.keys() >= set(numbers):
+        frames = [places[number] for number in numbers]
+        if frames != numbers:
+            notes.append(f"Numbers of column {named.title} of {name} are those of the pictures' names: {numbers[0]} is "
+                         f"{pathlib.PurePath(files[frames[0]]).name}.")
+        return frames
+    first = int(min(numbers) > 0 and max(numbers) == count)
+    if min(numbers) == 1:
+        reason = "reaches" if first else "does not reach"
+        notes.append(f"Column {named.title} of {name} begins with 1 and {reason} {count}, the number of frames, so its numbers were "
+                     f"counted from {first}.")
+    beyond = next((row for row, number in enumerate(numbers) if number - first >= count), None)
+    if beyond is not None:
+        raise _refused_cell(name, named, beyond, f" names frame {numbers[beyond]}, but there are {count}, counted from 0, and no "
+                            "pictures of such numbers" if files else f" names frame {numbers[beyond]}, but there are {count}, "
+                            "counted from 0")
+    return [number - first for number in numbers]
+
+
+def _by_name(named: Named, images: Images, name: Path) -> list:
+    """The index of each row's picture, by its name: the file's, with or without its ending and the folders before it."""
+    files = images.names
+    if not files:
+        raise _refused_cell(name, named, 0, " names a picture, but the images are not files with names; frames' numbers, counted "
+                            "from 0, are expected")
+    paths = [pathlib.PurePath(file).parts for file in files]
+    places: dict = {}
+    for k, parts in enumerate(paths):
+        for word in {parts[-1], pathlib.PurePath(parts[-1]).stem}:
+            places.setdefault(word, []).append(k)
+    frames = []
+    for row, cell in enumerate(named.cells):
+        parts = [part for part in re.split(r"[\\/]+", cell) if part] or [""]
+        found, depth = places.get(parts[-1], []), 1
+        while len(found) > 1 and depth < len(parts):  # pictures of the same name in several folders
+            depth += 1
+            found = [k for k in found if paths[k][-depth:-1] == tuple(parts[-depth:-1])]
+        if len(found) != 1:
+            raise _refused_cell(name, named, row, f" names {len(found) or 'none'} of the {len(files)} pictures "
+                                f"({_listed(pathlib.PurePath(file).name for file in files[:2])}, ...); their names or numbers are "
+                                "expected")
+        frames.append(found[0])
+    return frames
+
+
+def _placed(poses: Poses, images: Images, by_time: bool, name: Path, notes: list) -> Poses:
+    """Poses with the frames that their rows name, where they do. Sources.md has the rule."""
+    notes += poses.notes
+    named = poses.named
+    if named is None or by_time:
+        return poses
+    numbers, count = [_whole(cell) for cell in named.cells], len(images.pixels)
+    if named.is_guess:
+        first = min((number for number in numbers if number is not None), default=0)
+        ascending = list(range(first, first + len(numbers)))
+        if None in numbers or first > 1 or len(numbers) < 2 or sorted(numbers) != ascending:
+            return poses
+        if numbers == ascending and len(numbers) != count:  # times of a slow tracker
+            return poses
+        notes.append(f"The first number of the rows of {name} counts them from {first}, so it was taken for a frame's number, not for "
+                     "a time.")
+        return poses._replace(frames=np.array(numbers) - first, times=None)
+    if None not in numbers:
+        frames = _by_number(named, numbers, images, name, notes)
+    elif named.may_be_names:
+        frames = _by_name(named, images, name)
+    else:
+        raise _refused_cell(name, named, numbers.index(None), "; a frame's number, counted from 0, is expected")
+    again = next((row for row in range(len(frames)) if frames[row] in frames[:row]), None) if len(set(frames)) < len(frames) else None
+    if again is not None:
+        raise _refused_cell(name, named, again, " names a frame twice: a line before it has the same")
+    return poses._replace(frames=np.array(frames))
+
+
 def _of_each_frame(poses: Poses, images: Images, offset: float, longest_gap: float, by_time: bool, name: Path,
                    notes: list) -> np.ndarray:
     """[frames, 4, 4]; NaN for frames without a pose."""
     frames = len(images.pixels)
     if poses.frames is not None and not by_time:
-        if poses.frames.max() >= frames:
-            raise SourceError(f"{name}: names frame {poses.frames.max()}, but there are {frames}, counted from 0")
-        if len(set(poses.frames)) != len(poses.frames):
-            raise SourceError(f"{name}: names a frame twice")
+        if len(poses.frames) and poses.frames.max() >= frames:
+            raise SourceError(f"{name}: {len(poses.frames)} poses for {frames} frames; give one pose a frame")
         matrices = np.full((frames, 4, 4), np.nan)
         matrices[poses.frames] = poses.matrices
         return matrices
     if len(poses.matrices) == frames and not by_time:
-        if poses.times is None or images.times is None or not np.isfinite(poses.times).all():
+        if poses.times is None or images.times is None:
+            return poses.matrices
+        untimed = np.count_nonzero(~np.isfinite(poses.times))
+        if untimed:
+            notes.append(f"{untimed} of {frames} rows of {name} have no time, so rows were taken for the frames in their order.")
             return poses.matrices
         rows = _in_order(poses, np.arange(frames), name, notes)
         drift = np.ptp(poses.times[rows] - images.times)
@@ -896,6 +1075,30 @@ def _of_each_frame(poses: Poses, images: Images, offset: float, longest_gap: flo
                           "column frame, or times on both sides")
     _require_rigid(poses, name)
     return _at_times(poses, images.times + offset, longest_gap, name, notes)
+
+
+def _times_of_frames(poses: Poses, images: Images, usable: np.ndarray, name: Path, notes: list) -> Optional[np.ndarray]:
+    """Of the images, or else those of their poses; None unless every usable frame has one."""
+    times = images.times
+    if times is None and poses.times is not None:
+        times = poses.times
+        if poses.frames is not None:
+            times = np.full(len(usable), np.nan)
+            times[poses.frames] = poses.times
+        if len(times) != len(usable):
+            return None
+    if times is None:
+        return None
+    known = np.isfinite(times[usable])
+    if not known.all():
+        if known.any():
+            notes.append(f"{np.count_nonzero(~known)} of {len(known)} frames have no time, so times are not used.")
+        return None
+    steps = np.diff(times[usable])
+    if images.times is None and (steps <= 0).any():
+        notes.append(f"The times of {name} do not ascend: of {len(known)} frames {np.count_nonzero(steps < 0)} come before the one in "
+                     f"front of them and {np.count_nonzero(steps == 0)} have its time. The pictures' order was kept.")
+    return times
 
 
 class Sweep(NamedTuple):
@@ -943,6 +1146,7 @@ def load(images: Path, poses: Optional[Path] = None, calibration: Optional[Path]
         row = int(np.argmax(np.abs(np.linalg.det(tracked.matrices[:, :3, :3])) < 1e-12))
         raise SourceError(f"{source}: row {row}: the matrix is singular, so it cannot be inverted")
     stamps = None if frames.times is None else frames.times + time_offset
+    tracked = _placed(tracked, frames, by_time, source, notes)
     tracked = _in_seconds(tracked, stamps, source, notes)
     if stamps is None and tracked.frames is None and tracked.times is not None and len(tracked.times) > len(frames.pixels):
         said: list = []
@@ -995,7 +1199,8 @@ def load(images: Path, poses: Optional[Path] = None, calibration: Optional[Path]
 
     matrices = matrices @ image
     if reference is not None:
-        fixed = _in_seconds(read_poses(reference, quaternion), stamps, reference, notes)
+        fixed = _placed(read_poses(reference, quaternion), frames, by_time, reference, notes)
+        fixed = _in_seconds(fixed, stamps, reference, notes)
         fixed.matrices[:, :3, 3] *= MILLIMETRES[units]
         _require_rigid(fixed, reference)
         fixed = _of_each_frame(fixed, frames, time_offset, longest_gap, by_time, reference, notes)
@@ -1015,8 +1220,7 @@ def load(images: Path, poses: Optional[Path] = None, calibration: Optional[Path]
     if sides.min() < SMALLEST_PIXEL or sides.max() > LARGEST_PIXEL:
         raise SourceError(f"{source}: pixels would be {sides.min():.3g} to {sides.max():.3g} mm; {SMALLEST_PIXEL} to "
                           f"{LARGEST_PIXEL} mm is expected. Is the unit of the poses or the calibration another?")
-    times = tracked.times if frames.times is None and tracked.times is not None and tracked.frames is None else frames.times
-    times = times if times is not None and len(times) == len(usable) and np.isfinite(times).all() else None
+    times = _times_of_frames(tracked, frames, usable, source, notes)
     return Sweep(np.ascontiguousarray(pixels[usable]), np.ascontiguousarray(matrices[usable]),
                  None if times is None else times[usable], notes)
 
