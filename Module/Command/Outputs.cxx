@@ -13,6 +13,7 @@
 #include "Console.h"
 #include "Exit.h"
 #include "Files.h"
+#include "IO/SequenceTimes.h"
 #include "Inputs.h"
 #include "Pipeline.h"
 #include "vtkBigusSequenceWriter.h"
@@ -92,6 +93,16 @@ void BeginNrrd(std::ostream& file, vtkImageData* image, bool oneSliceEach = fals
 }
 
 /// What 3D Slicer browses two sequences by together: the list axis is time in s, with the decimals that it writes itself.
+std::vector<double> ToVector(vtkDataArray* times)
+{
+  std::vector<double> seconds;
+  for (vtkIdType k = 0; k < times->GetNumberOfTuples(); ++k)
+  {
+    seconds.push_back(times->GetTuple1(k));
+  }
+  return seconds;
+}
+
 std::string SlicersTimes(vtkDataArray* times)
 {
   std::string text =
@@ -122,6 +133,10 @@ void WriteNrrdSequence(vtkImageData* stack, const std::string& path)
                     file << axes << (forSlicer && times ? SlicersTimes(times) : "")
                          << "ultrasound image orientation:=MF\n"  // IGSIO's names
                          << "ultrasound image type:=BRIGHTNESS\n";
+                    if (times && !StatedUnitOf(ToVector(times)).empty())
+                    {
+                      file << "TimestampUnit:=s\n";
+                    }
                     for (vtkIdType k = 0; k < poses->GetNumberOfTuples(); ++k)
                     {
                       char frame[32];
@@ -353,11 +368,8 @@ void WritePoses(vtkImageData* stack, const std::string& path, const std::vector<
   std::vector<CsvColumn> all;
   if (vtkDataArray* times = stack->GetFieldData()->GetArray("Timestamp"))
   {
-    all.emplace_back("timestamp", std::vector<double>());
-    for (vtkIdType k = 0; k < times->GetNumberOfTuples(); ++k)
-    {
-      all.back().second.push_back(times->GetTuple1(k));
-    }
+    const std::vector<double> seconds = ToVector(times);
+    all.emplace_back(StatedUnitOf(seconds).empty() ? "timestamp" : "timestamp_s", seconds);
   }
   all.insert(all.end(), columns.begin(), columns.end());
   const int* size = stack->GetDimensions();

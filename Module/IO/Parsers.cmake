@@ -13,6 +13,7 @@ set(bigus_parsers
   Formats/MetaImageHeader.cxx
   Formats/NrrdHeader.cxx
   Formats/Ply.cxx
+  Formats/PictureNames.cxx
   Formats/PngFile.cxx
   Formats/PoseCsv.cxx
   Formats/Pvtp.cxx
@@ -25,6 +26,7 @@ set(bigus_parsers
   SequenceFrames.cxx
   SequenceOutput.cxx
   SequencePixels.cxx
+  SequenceTimes.cxx
   Text.cxx
   UnusedFields.cxx)
 list(TRANSFORM bigus_parsers PREPEND "${CMAKE_CURRENT_LIST_DIR}/")

@@ -301,6 +301,20 @@ std::string CheckPose(const PoseOptions& options, const SequenceFile& file, Fram
   return {};
 }
 
+// That only some of the accepted frames have a time, or nothing.
+std::string MissingTimes(const SequenceFile& file, const PoseTable& table)
+{
+  int accepted = 0, timed = 0;
+  for (std::size_t k = 0; k < table.frames.size(); ++k)
+  {
+    accepted += table.frames[k].accepted;
+    timed += table.frames[k].accepted && std::isfinite(table.timestamps[k]);
+  }
+  return timed == 0 || timed == accepted ? ""
+                                         : file.fileName + ": " + std::to_string(accepted - timed) + " of " +
+                                               std::to_string(accepted) + " frames have no time, so times are not used";
+}
+
 void RequireSpacing(const SequenceFile& file, const PoseOptions& options)
 {
   const auto [i, j] = options.imageSpacing;
@@ -328,7 +342,7 @@ std::string ComputePose(const Fields& fields, const std::vector<Step>& chain, co
   Eigen::Matrix4d& pose = frame.imageToReference;
   for (const char* name : {"ImageStatus", "Status"})  // the second is IGSIO's name in NRRD
   {
-    if (const std::string* status = Find(fields, name); status && *status != "OK")
+    if (const std::string* status = Find(fields, name); status && !IsSound(*status))
     {
       return "image status " + Quoted(*status);
     }
@@ -353,7 +367,7 @@ std::string ComputePose(const Fields& fields, const std::vector<Step>& chain, co
       {
         return name + " without a status";
       }
-      if (status && *status != "OK")
+      if (status && !IsSound(*status))
       {
         return name + " status " + Quoted(*status);
       }
@@ -553,7 +567,8 @@ std::vector<std::string> CautionsOf(const std::string& fileName, const SequenceF
                        " poses is zero or points the other way. A picture has two axes, so the first two were read and "
                        "the third was made");
   }
-  for (const std::string& caution : {file.timesNote, SpacingDoubt(file, table)})
+  cautions.insert(cautions.end(), file.notes.begin(), file.notes.end());
+  for (const std::string& caution : {MissingTimes(file, table), SpacingDoubt(file, table)})
   {
     if (!caution.empty())
     {

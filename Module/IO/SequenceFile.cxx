@@ -9,6 +9,7 @@
 #include "IO/FileError.h"
 #include "IO/Formats/PngFile.h"
 #include "IO/Formats/SequenceHeaders.h"
+#include "IO/SequenceTimes.h"
 #include "IO/Text.h"
 
 namespace bigus
@@ -120,7 +121,7 @@ const char* NameOf(Encoding encoding)
 
 bool IsSequence(const std::string& fileName, bool plain)
 {
-  const std::string beginning = FileBeginning(fileName, 4096);
+  const std::string beginning(WithoutMark(FileBeginning(fileName, 4096)));
   if (LooksLikePoseCsv(beginning) || (plain && LooksLikePng(beginning)))
   {
     return true;
@@ -144,7 +145,7 @@ SequenceFile ReadSequenceFile(const std::string& fileName, const ImageOptions& i
   Require(FileFault::Truncated, input.Size() != 0, fileName, ": the file is empty");
   SequenceFile file;
   file.fileName = fileName;
-  const std::string beginning = FileBeginning(fileName, 4096);
+  const std::string beginning(WithoutMark(FileBeginning(fileName, 4096)));
   if (LooksLikeNrrd(beginning))
   {
     ReadNrrdHeader(file, input, images);
@@ -170,6 +171,7 @@ SequenceFile ReadSequenceFile(const std::string& fileName, const ImageOptions& i
                                         "nor a CSV of ") +
                         "poses with columns m00 to m33" + HowToBring(fileName));
   }
+  TakeTimesInSeconds(file);
   return file;
 }
 

@@ -60,7 +60,8 @@ struct SequenceFile
   bool flipRows = false;
   std::array<double, 2> spacing = {0, 0};  ///< mm of a pixel along i and j as the header states it; 0: it does not
   std::string spacingField;                ///< which states it
-  std::string timesNote;                   ///< how times were read whose unit the file does not say; empty: as seconds
+  double timeUnit = 0;                     ///< seconds of the unit of Timestamps, by the file; 0: it does not say
+  std::vector<std::string> notes;          ///< sentences on what was decided or left out
 
   Encoding encoding = Encoding::Raw;
   std::string dataFile;                   ///< raw, zlib, gzip

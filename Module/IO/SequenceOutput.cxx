@@ -10,6 +10,7 @@
 #include "IO/AtomicFile.h"
 #include "IO/Bytes.h"
 #include "IO/FileError.h"
+#include "IO/SequenceTimes.h"
 #include "IO/Text.h"
 
 namespace bigus
@@ -96,6 +97,10 @@ std::string HeaderOf(const SequenceToWrite& sequence, int frames, std::size_t& s
   header += "\nOffset = 0 0 0\nTransformMatrix = 1 0 0 0 1 0 0 0 1\n";
   header += "UltrasoundImageOrientation = MF\nUltrasoundImageType = BRIGHTNESS\n";
 
+  if (const std::string unit = StatedUnitOf(sequence.timestamps); !unit.empty())
+  {
+    header += "TimestampUnit = " + unit + "\n";
+  }
   const std::string transform = sequence.fromFrame + "To" + sequence.toFrame + "Transform";
   for (int frame = 0; frame < frames; ++frame)
   {

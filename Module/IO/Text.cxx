@@ -116,6 +116,12 @@ std::string Lowercase(std::string_view text)
   return lower;
 }
 
+std::string WithoutMark(std::string text)
+{
+  text.erase(0, text.rfind("\xef\xbb\xbf", 0) == 0 ? 3 : 0);
+  return text;
+}
+
 std::vector<std::string_view> Words(std::string_view text)
 {
   std::vector<std::string_view> words;
@@ -266,6 +272,7 @@ std::size_t InputFile::Read(void* bytes, std::size_t count)
 bool InputFile::ReadLine(std::string& line, std::size_t longest)
 {
   line.clear();
+  const bool isFirst = position_ == 0;
   std::streambuf* buffer = stream_.rdbuf();
   bool any = false;
   for (;;)
@@ -292,6 +299,7 @@ bool InputFile::ReadLine(std::string& line, std::size_t longest)
   {
     line.pop_back();
   }
+  line.erase(0, isFirst && line.rfind("\xef\xbb\xbf", 0) == 0 ? 3 : 0);
   return any;
 }
 

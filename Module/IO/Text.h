@@ -18,6 +18,9 @@ namespace bigus
 std::string_view Trimmed(std::string_view text);
 std::string Lowercase(std::string_view text);
 
+/// Without the byte order mark that some programs begin UTF-8 with.
+std::string WithoutMark(std::string text);
+
 /// The words between blanks.
 std::vector<std::string_view> Words(std::string_view text);
 
@@ -61,7 +64,7 @@ public:
   /// Reads up to `count` bytes and returns how many there were.
   std::size_t Read(void* bytes, std::size_t count);
 
-  /// The next line without its end (LF or CR LF); false at the end of the file. Throws FileError when the
+  /// The next line without its end (LF or CR LF), the first without a byte order mark; false at the end of the file. Throws FileError when the
   /// line is longer than so many bytes.
   bool ReadLine(std::string& line, std::size_t longest = 64 * 1024);
 

@@ -30,7 +30,7 @@ const std::set<std::string_view>& FieldsOfFormats()
       "measurement frame", "ultrasound image orientation", "ultrasound image type", "axis 0 index type",
       "axis 0 index values", "axis 3 index type", "axis 3 index values",
       // of a frame
-      "Timestamp", "ImageStatus", "Status"};
+      "Timestamp", "TimestampUnit", "ImageStatus", "Status"};
   return names;
 }
 

@@ -553,7 +553,7 @@ public:
                 ": has no column image. A table that is followed names the PNG of every row.");
         continue;
       }
-      if (Trimmed(line).empty() || PoseCsv::IsComment(line))
+      if (Trimmed(line).empty() || PoseCsv::IsComment(line) || (rows_ == 0 && table->HoldsUnits(line)))
       {
         continue;
       }

@@ -229,13 +229,13 @@ int main(int count, char** arguments)
   Seed("Csv", "plain", test::SmallCsv(false));
   Seed("Csv", "images", test::SmallCsv(true));
   Seed("Csv", "quoted", "\xef\xbb\xbf" + test::SmallCsv(true) + "# a comment\n\"frame_0.png\",\"1\"\"2\"\n");
-  std::string first = test::SmallCsv(true);
-  for (std::size_t at;
-       (at = first.find("frame_1")) != std::string::npos || (at = first.find("frame_2")) != std::string::npos;)
+  std::string numbered = "A title\n" + test::SmallCsv(true);
+  for (std::size_t at; (at = numbered.find("frame_")) != std::string::npos;)
   {
-    first.replace(at, 7, "frame_0");
+    numbered.erase(at, 6);
+    numbered.erase(numbered.find(".png", at), 4);
   }
-  Seed("Csv", "one-image", first);
+  Seed("Csv", "numbered", numbered);
   Seed("PlusXml", "config", test::SmallConfig());
   Seed("PlusXml", "chain",
        R"(<?xml version="1.0"?><PlusConfiguration><CoordinateDefinitions><Transform From="Image" To="Probe"

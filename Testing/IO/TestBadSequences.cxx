@@ -403,6 +403,33 @@ TEST(BadSequence, CsvAndItsImages)
   reader->SetImageFolder(folder.Path().c_str());
   ExpectRefused(reader, folder / "bad.csv", {"4 PNG files"});
 
+  // Columns that name pictures, and hold none of them.
+  for (const auto& [title, cell, part] : std::vector<std::array<std::string, 3>>{
+           {"image", "far.png", "names no PNG file in"},
+           {"file", "far", "names no PNG file in"},
+           {"frame", "frame_0.png", "a frame's number, counted from 0, is expected"},
+           {"frame_id", "1.5", "a frame's number, counted from 0, is expected"},
+           {"id", "77", "names none of the 4 PNG files"}})
+  {
+    SCOPED_TRACE(title);
+    std::string bad = SmallCsv(true);
+    bad.replace(0, 5, title);
+    for (std::size_t at = 0; (at = bad.find("\nframe_", at)) != std::string::npos; at += 2)
+    {
+      bad.replace(at + 1, 11, cell);
+    }
+    WriteBytes(folder / "bad.csv", bad);
+    ExpectRefused(reader, folder / "bad.csv",
+                  {"bad.csv: row 0, column " + title + ": \"" + cell + "\"", part, "Rename the column"});
+  }
+  std::string twice = SmallCsv(true);
+  twice.replace(twice.find("frame_1"), 7, "frame_0");
+  WriteBytes(folder / "bad.csv", twice);
+  ExpectRefused(reader, folder / "bad.csv", {"row 1, column image: \"frame_0.png\" names a picture twice"});
+  reader->SetImagePattern("frame_%d.png");
+  ExpectRefused(reader, folder / "bad.csv", {"row 1, column image", "leave the pattern out"});
+  reader->SetImagePattern(nullptr);
+
   WriteBytes(folder / "good.csv", good);
   WritePng(folder / "frame_1.png", 41, 30, VTK_UNSIGNED_CHAR, 1);
   ExpectRefused(folder / "good.csv", {"frame_1.png", "41 x 30"});

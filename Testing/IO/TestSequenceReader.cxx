@@ -689,6 +689,175 @@ TEST(SequenceReader, ReadsCsvWithPngs)
   ExpectSmall(Read(reader, folder / "bare.csv"));
 }
 
+// A CSV whose rows are poses of SmallSequence's frames in some order, after what each says of its picture.
+std::string NamedCsv(const std::string& title, const std::vector<std::pair<std::string, int>>& rows)
+{
+  std::string csv = title;
+  for (int c = 0; c < 12; ++c)
+  {
+    csv += ",m" + std::to_string(c / 4) + std::to_string(c % 4);
+  }
+  for (const auto& [cell, frame] : rows)
+  {
+    csv += "\n" + cell;
+    for (int c = 0; c < 12; ++c)
+    {
+      csv += "," + std::to_string(SmallPose(c / 4, c % 4, frame));
+    }
+  }
+  return csv + "\n";
+}
+
+// Every picture has the pose of its own frame.
+void ExpectPairs(vtkImageData* image, const std::vector<int>& frames)
+{
+  ASSERT_EQ(image->GetDimensions()[2], static_cast<int>(frames.size()));
+  for (int k = 0; k < image->GetDimensions()[2]; ++k)
+  {
+    const int frame = frames[static_cast<std::size_t>(k)];
+    EXPECT_EQ(image->GetScalarComponentAsDouble(2, 1, k, 0), SmallPixel(2, 1, frame));
+    EXPECT_EQ(image->GetFieldData()->GetArray("ImageToReference")->GetComponent(k, 3), SmallPose(0, 3, frame));
+  }
+}
+
+// The same rule as in Python's test_sources.py.
+TEST(SequenceReader, CsvRowsNameTheirPictures)
+{
+  TemporaryFolder folder;
+  std::filesystem::create_directory(folder / "images");
+  const auto read = [&](const std::string& title, const std::vector<std::string>& cells)
+  {
+    vtkNew<vtkBigusSequenceReader> reader;
+    reader->SetImageFolder((folder / "images").c_str());
+    WriteBytes(folder / "named.csv", NamedCsv(title, {{cells[2], 2}, {cells[0], 0}, {cells[1], 1}}));
+    ExpectPairs(Read(reader, folder / "named.csv"), {0, 1, 2});
+    WriteBytes(folder / "fewer.csv", NamedCsv(title, {{cells[2], 2}, {cells[0], 0}}));
+    ExpectPairs(Read(reader, folder / "fewer.csv"), {0, 2});
+  };
+  WritePngs(folder, "images/frame_");
+  for (const char* title : {"image", "File", "file name", "FileName", "picture"})
+  {
+    SCOPED_TRACE(title);
+    read(title, {"frame_0.png", "frame_1.png", "frame_2.png"});
+    read(title, {"frame_0", "frame_1", "frame_2"});
+    read(title, {"images/frame_0.png", "images/frame_1.png", "images/frame_2.png"});
+    read(title, {"/far/frame_0.png", "/far/frame_1.png", "/far/frame_2.png"});
+    read(title, {"C:\\scan\\frame_0.png", "C:\\scan\\frame_1.png", "C:\\scan\\frame_2.png"});
+    read(title, {"0", "1.0", "2"});
+  }
+  for (const char* title : {"frame", "Frame_ID", "Frame Number", "frame-index", "Index", "ID"})
+  {
+    SCOPED_TRACE(title);
+    read(title, {"0", "1.0", "2e0"});
+  }
+
+  // A pattern takes the rows' numbers.
+  WriteBytes(folder / "named.csv", NamedCsv("frame", {{"2", 2}, {"0", 0}, {"1", 1}}));
+  vtkNew<vtkBigusSequenceReader> reader;
+  reader->SetImageFolder((folder / "images").c_str());
+  reader->SetImagePattern("frame_%d.png");
+  ExpectPairs(Read(reader, folder / "named.csv"), {0, 1, 2});
+
+  // Rows with times stay in their order.
+  WriteBytes(folder / "timed.csv", NamedCsv("time_s,frame", {{"1,2", 2}, {"2,0", 0}, {"3,1", 1}}));
+  ExpectPairs(Read(reader, folder / "timed.csv"), {2, 0, 1});
+}
+
+TEST(SequenceReader, CsvSaysHowItTookNumbersOfPictures)
+{
+  TemporaryFolder folder;
+  std::filesystem::create_directory(folder / "images");
+  for (const char* name : {"a_9.png", "b_10.png", "b_11.png"})
+  {
+    WritePngs(folder, "frame_");
+    const int frame = name[0] == 'a' ? 0 : name[3] == '0' ? 1 : 2;
+    std::filesystem::rename(folder / ("frame_" + std::to_string(frame) + ".png"),
+                            folder / ("images/" + std::string(name)));
+  }
+  using Rows = std::vector<std::pair<std::string, int>>;
+  for (const auto& [rows, said] : std::vector<std::pair<Rows, std::string>>{
+           {{{"11", 2}, {"9", 0}, {"10", 1}}, "are those of the pictures' names: 11 is b_11.png"},
+           {{{"3", 2}, {"1", 0}, {"2", 1}},
+            "begin with 1 and reach 3, the number of pictures, so they were counted from 1"},
+           {{{"2", 2}, {"1", 1}},
+            "begin with 1 and do not reach 3, the number of pictures, so they were counted from 0"},
+           {{{"2", 2}, {"0", 0}}, ""}})
+  {
+    SCOPED_TRACE(said);
+    WriteBytes(folder / "named.csv", NamedCsv("frame", rows));
+    vtkNew<vtkBigusSequenceReader> reader;
+    ErrorObserver warnings(reader);
+    reader->SetImageFolder((folder / "images").c_str());
+    reader->SetFileName((folder / "named.csv").c_str());
+    reader->Update();
+    EXPECT_NE(warnings.Text().find(said), std::string::npos) << warnings.Text();
+    EXPECT_EQ(warnings.Text().empty(), said.empty()) << warnings.Text();
+    std::vector<int> frames;
+    for (const auto& row : rows)
+    {
+      frames.push_back(row.second);
+    }
+    std::sort(frames.begin(), frames.end());
+    ExpectPairs(reader->GetOutput(), frames);
+  }
+}
+
+TEST(SequenceReader, CsvHasTitlesUnitsAndWhatSpreadsheetsWriteForNoNumber)
+{
+  TemporaryFolder folder;
+  WritePngs(folder, "frame_");
+  const std::string good = SmallCsv(true);
+  const std::size_t below = good.find('\n') + 1;
+  const auto read = [&](const std::string& csv, const std::vector<int>& frames, const std::string& said)
+  {
+    SCOPED_TRACE(said);
+    WriteBytes(folder / "poses.csv", csv);
+    vtkNew<vtkBigusSequenceReader> reader;
+    ErrorObserver warnings(reader);
+    reader->SetFileName((folder / "poses.csv").c_str());
+    EXPECT_EQ(reader->CanReadFile((folder / "poses.csv").c_str()), 1);
+    reader->Update();
+    EXPECT_NE(warnings.Text().find(said), std::string::npos) << warnings.Text();
+    ExpectSmall(reader->GetOutput(), frames);
+    return reader->GetRejectionSummary() ? std::string(reader->GetRejectionSummary()) : std::string();
+  };
+  for (const char* title : {"Recorded with NDI on 2024\n", "\xef\xbb\xbfRecorded, by hand\n\n# a comment\n"})
+  {
+    read(title + good, {0, 1, 2}, "line 1 stands before the names of the columns and was skipped: \"Recorded");
+  }
+  std::string units = "-,[s]";
+  for (int c = 0; c < 16; ++c)
+  {
+    units += c % 4 == 3 ? ",mm" : ",-";
+  }
+  read(good.substr(0, below) + units + "\n" + good.substr(below), {0, 1, 2}, "holds units and no pose");
+  const std::size_t second = good.find('\n', below) + 1;
+  read(good.substr(0, second) + "#" + good.substr(below), {0, 1, 2},
+       "1 lines that have as many cells as rows begin with #");
+
+  // Poses first, so that the row begins with what there is not.
+  std::string lost = NamedCsv("m30", {{"0", 0}, {"0", 1}, {"0", 2}});
+  for (std::size_t at = 0, row = 0; (at = lost.find('\n', at + 1)) != std::string::npos && at + 1 < lost.size(); ++row)
+  {
+    if (row == 1)
+    {
+      std::string nothing = "#N/A";
+      for (int c = 0; c < 12; ++c)
+      {
+        nothing += ",#N/A";
+      }
+      lost.replace(at + 1, lost.find('\n', at + 1) - at - 1, nothing);
+    }
+  }
+  lost.replace(0, 3, "other");
+  WriteBytes(folder / "lost.csv", lost);
+  vtkNew<vtkBigusSequenceReader> reader;
+  reader->SetImageFolder(folder.Path().c_str());
+  ExpectPairs(Read(reader, folder / "lost.csv"), {0, 2});
+  EXPECT_NE(std::string(reader->GetRejectionSummary()).find("#N/A"), std::string::npos)
+      << reader->GetRejectionSummary();
+}
+
 TEST(SequenceReader, CsvTakesTwelveColumnsQuotesStatusAndWindowsLineEnds)
 {
   TemporaryFolder folder;
@@ -795,6 +964,92 @@ TEST(SequenceReader, CsvHasTimesOfOtherUnits)
     }
     EXPECT_EQ(warnings.Text().find("the times are taken for " + said) != std::string::npos, !said.empty())
         << warnings.Text();
+  }
+}
+
+// Seconds, whatever unit a sequence has; the rule is that of a CSV.
+TEST(SequenceReader, SequencesHaveTimesOfOtherUnits)
+{
+  TemporaryFolder folder;
+  for (const auto& [factor, said] : std::vector<std::pair<double, std::string>>{
+           {0.05, ""}, {50, "milliseconds"}, {5e4, "microseconds"}, {5e7, "nanoseconds"}})
+  {
+    Sequence sequence = SmallSequence();
+    for (int frame = 0; frame < smallFrames; ++frame)
+    {
+      sequence.Set(SmallField(frame, "Timestamp"), std::to_string(factor * (frame + 1)));
+    }
+    WriteBytes(folder / "times.mha", sequence.Bytes());
+    WriteBytes(folder / "times.nrrd", sequence.NrrdBytes("4 3 3", "domain domain list", "raw", sequence.pixels));
+    for (const char* name : {"times.mha", "times.nrrd"})
+    {
+      SCOPED_TRACE(name + said);
+      vtkNew<vtkBigusSequenceReader> reader;
+      ErrorObserver warnings(reader);
+      reader->SetFileName((folder / name).c_str());
+      reader->Update();
+      vtkDataArray* const times = reader->GetOutput()->GetFieldData()->GetArray("Timestamp");
+      ASSERT_NE(times, nullptr);
+      EXPECT_NEAR(times->GetComponent(2, 0), 0.15, 1e-12);
+      EXPECT_NEAR(reader->GetDuration(), 0.1, 1e-12);
+      EXPECT_EQ(warnings.Text().find("the times are taken for " + said + ", because they are") != std::string::npos,
+                !said.empty())
+          << warnings.Text();
+    }
+  }
+}
+
+TEST(SequenceReader, TheTimeAxisOfANrrdSaysItsUnit)
+{
+  TemporaryFolder folder;
+  const Sequence volume = SmallVolume();
+  for (const auto& [unit, values, step] : std::vector<std::tuple<std::string, std::string, double>>{
+           {"s", "0 50 100", 50}, {"ms", "0 50 100", 0.05}, {"us", "0 50 100", 5e-5}, {"MS", "0 2 4", 0.002}})
+  {
+    SCOPED_TRACE(unit);
+    WriteBytes(folder / "axis.nrrd",
+               volume.NrrdBytes("4 3 3",
+                                "domain domain list\nunits: \"mm\" \"mm\" \"" + unit +
+                                    "\"\naxis 2 index type:=numeric\naxis 2 index values:=" + values,
+                                "raw", volume.pixels));
+    vtkNew<vtkBigusSequenceReader> reader;
+    reader->RequirePosesOff();
+    vtkDataArray* const times = Read(reader, folder / "axis.nrrd")->GetFieldData()->GetArray("Timestamp");
+    ASSERT_NE(times, nullptr);
+    EXPECT_NEAR(times->GetComponent(2, 0), 2 * step, 1e-12);
+  }
+}
+
+TEST(SequenceReader, SaysThatSomeFramesHaveNoTime)
+{
+  TemporaryFolder folder;
+  for (const char* time : {"", "unknown", "nan"})
+  {
+    SCOPED_TRACE(time);
+    Sequence sequence = SmallSequence();
+    sequence.Set(SmallField(1, "Timestamp"), time);
+    WriteBytes(folder / "times.mha", sequence.Bytes());
+    vtkNew<vtkBigusSequenceReader> reader;
+    ErrorObserver warnings(reader);
+    reader->SetFileName((folder / "times.mha").c_str());
+    reader->Update();
+    EXPECT_EQ(reader->GetOutput()->GetFieldData()->GetArray("Timestamp"), nullptr);
+    EXPECT_NE(warnings.Text().find("1 of 3 frames have no time, so times are not used"), std::string::npos)
+        << warnings.Text();
+  }
+}
+
+TEST(SequenceReader, HeadersMayBeginWithAByteOrderMark)
+{
+  TemporaryFolder folder;
+  const Sequence sequence = SmallSequence();
+  const std::string mark = "\xef\xbb\xbf";
+  WriteBytes(folder / "marked.mha", mark + sequence.Bytes());
+  WriteBytes(folder / "marked.nrrd", mark + sequence.NrrdBytes("4 3 3", "domain domain list", "raw", sequence.pixels));
+  for (const char* name : {"marked.mha", "marked.nrrd"})
+  {
+    vtkNew<vtkBigusSequenceReader> reader;
+    ExpectSmall(Read(reader, folder / name));
   }
 }
 
@@ -940,6 +1195,17 @@ TEST(SequenceReader, HonoursStatuses)
   reader->AssumeMissingStatusOKOn();
   ExpectSmall(Read(reader, folder / "absent.mha"), {0, 1});
   reader->AssumeMissingStatusOKOff();
+
+  // As a CSV says it.
+  sequence = SmallSequence();
+  int frame = 0;
+  for (const char* word : {"ok", "True", "1"})
+  {
+    sequence.Set(SmallField(frame, "ImageToReferenceTransformStatus"), word);
+    sequence.Set(SmallField(frame++, "ImageStatus"), word);
+  }
+  WriteBytes(folder / "words.mha", sequence.Bytes());
+  ExpectSmall(Read(reader, folder / "words.mha"));
 
   // The status of every link counts.
   sequence = SmallSequence();

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <set>
 
 #include "IO/FileError.h"
 #include "IO/Text.h"
@@ -85,6 +86,12 @@ void CheckDataSize(SequenceFile& file)
 void Refuse(const SequenceFile& file, const std::string& message)
 {
   throw FormatError(file.fileName + ": " + message);
+}
+
+bool IsSound(const std::string& status)
+{
+  static const std::set<std::string> words = {"ok", "valid", "good", "tracked", "visible", "true", "yes", "1"};
+  return words.count(Lowercase(status)) > 0;
 }
 
 const std::string* Find(const Fields& fields, const std::string& name)

@@ -9,6 +9,7 @@
 #include <string_view>
 #include <vector>
 
+#include "Core/Model/Error.h"
 #include "IO/SequenceFile.h"
 
 namespace bigus
@@ -29,6 +30,9 @@ void RequireHeader(const SequenceFile& file, bool holds, const Parts&... message
     Refuse(file, MessageText(message...));
   }
 }
+
+/// Whether a status says that there is a pose, or a picture. The same words as in Python's sources.py.
+bool IsSound(const std::string& status);
 
 /// The field of that name; null when there is none.
 const std::string* Find(const Fields& fields, const std::string& name);

@@ -7,6 +7,7 @@
 #include "IO/FileError.h"
 #include "IO/Formats/HeaderFields.h"
 #include "IO/Formats/SequenceHeaders.h"
+#include "IO/SequenceTimes.h"
 #include "IO/Text.h"
 
 namespace bigus
@@ -199,6 +200,20 @@ std::int64_t SetAxes(SequenceFile& file, Fields& nrrd, const ImageOptions& optio
   return channels;
 }
 
+/// Seconds of the unit of an axis; 0 where the header names none, or not one of time.
+double UnitOfAxis(const Fields& nrrd, std::size_t axis)
+{
+  std::vector<std::string> units;
+  const std::string* text = Find(nrrd, "units");
+  for (std::size_t at = text ? text->find('"') : std::string::npos; at != std::string::npos;)
+  {
+    const std::size_t end = std::min(text->find('"', at + 1), text->size());
+    units.emplace_back(Trimmed(std::string_view(*text).substr(at + 1, end - at - 1)));
+    at = text->find('"', end + 1);
+  }
+  return axis < units.size() ? UnitOfTime(Lowercase(units[axis])).value_or(0) : 0;
+}
+
 /// Times of frames that have none, by what 3D Slicer writes of the list axis.
 void TakeTimes(SequenceFile& file, const Fields& nrrd)
 {
@@ -206,16 +221,21 @@ void TakeTimes(SequenceFile& file, const Fields& nrrd)
   const auto list =
       std::find_if(kinds.begin(), kinds.end(), [](const std::string& k) { return k == "list" || k == "time"; });
   const std::string axis = "axis " + std::to_string(list - kinds.begin());
-  const std::string* unit = Find(nrrd, "units");
+  const double unit = UnitOfAxis(nrrd, static_cast<std::size_t>(list - kinds.begin()));
   const std::string* values = Find(file.fields, axis + " index values");
   const std::vector<std::string_view> words = values ? Words(*values) : std::vector<std::string_view>();
-  if (!unit || unit->find("\"s\"") == std::string::npos || words.size() != file.frames.size())
+  if (unit == 0 || words.size() != file.frames.size())
   {
     return;
   }
+  const bool haveNone = std::none_of(file.frames.begin(), file.frames.end(),
+                                     [](const Fields& fields) { return fields.count("Timestamp") > 0; });
+  file.timeUnit = haveNone ? 1 : 0;
   for (std::size_t frame = 0; frame < words.size(); ++frame)
   {
-    file.frames[frame].emplace("Timestamp", words[frame]);
+    double time = 0;
+    const bool isConverted = unit != 1 && ParseNumber(words[frame], time);
+    file.frames[frame].emplace("Timestamp", isConverted ? ExactNumber(unit * time) : std::string(words[frame]));
   }
 }
 

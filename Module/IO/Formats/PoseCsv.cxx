@@ -4,18 +4,16 @@
 
 #include <algorithm>
 #include <cmath>
-#include <filesystem>
-#include <map>
 #include <numeric>
 #include <set>
 #include <utility>
 
 #include "Core/Numerics/Format.h"
-#include "Core/Numerics/Statistics.h"
 #include "IO/FileError.h"
 #include "IO/Formats/HeaderFields.h"
 #include "IO/Formats/PngFile.h"
 #include "IO/Formats/SequenceHeaders.h"
+#include "IO/SequenceTimes.h"
 #include "IO/Text.h"
 
 namespace bigus
@@ -24,6 +22,24 @@ namespace
 {
 
 constexpr std::size_t kMostCsvColumns = 1000;
+constexpr int kMostTitles = 20;  // lines before the names of the columns that are neither blank nor comments
+
+/// Whether a line names a pose's columns. The first line that may does so by one of them, to be told what it lacks.
+bool NamesPose(std::string_view line, bool isFirst)
+{
+  const std::string names = Lowercase(line);
+  return names.find("m00") != std::string::npos && (isFirst || names.find("m23") != std::string::npos) &&
+         names.find_first_of(",;\t") != std::string::npos;
+}
+
+/// Whether a line begins with what a spreadsheet writes where it has no number.
+bool BeginsWithNoNumber(std::string_view line)
+{
+  const std::string beginning = Lowercase(line.substr(0, 8));
+  const auto isIt = [&beginning](const char* word) { return beginning.rfind(word, 0) == 0; };
+  return isIt("#n/a") || isIt("#num!") || isIt("#value!") || isIt("#ref!") || isIt("#div/0!") || isIt("#null!") ||
+         isIt("#name?");
+}
 
 // One line's cells. Cells may be quoted with ", "" inside standing for one; they cannot contain line ends.
 std::vector<std::string> CsvCells(const std::string& fileName, const std::string& line, char separator)
@@ -63,23 +79,6 @@ std::vector<std::string> CsvCells(const std::string& fileName, const std::string
   return cells;
 }
 
-/// A column's name as it is compared: letters and digits, in lower case.
-std::string Plain(const std::string& name)
-{
-  std::string plain = Lowercase(name);
-  plain.erase(std::remove_if(plain.begin(), plain.end(),
-                             [](char c) { return !((c >= 'a' && c <= 'z') || (c >= '0' && c <= '9')); }),
-              plain.end());
-  return plain;
-}
-
-// The same words as in Python's sources.py.
-bool IsSound(const std::string& cell)
-{
-  static const std::set<std::string> words = {"ok", "valid", "good", "tracked", "visible", "true", "yes", "1"};
-  return words.count(Lowercase(cell)) > 0;
-}
-
 /// Whether a column says by 1 or 0 if there is a pose.
 bool IsFlag(const std::string& plainName)
 {
@@ -90,136 +89,21 @@ bool IsFlag(const std::string& plainName)
 /// Seconds of a unit that follows the name of a column of times; 0 where nothing follows, nothing for another name.
 std::optional<double> TimeUnitOf(const std::string& plainName)
 {
-  static const std::map<std::string, double> units = {
-      {"", 0},      {"s", 1},       {"sec", 1},      {"secs", 1},      {"seconds", 1},
-      {"ms", 1e-3}, {"msec", 1e-3}, {"msecs", 1e-3}, {"millis", 1e-3}, {"milliseconds", 1e-3},
-      {"us", 1e-6}, {"usec", 1e-6}, {"usecs", 1e-6}, {"micros", 1e-6}, {"microseconds", 1e-6},
-      {"ns", 1e-9}, {"nsec", 1e-9}, {"nsecs", 1e-9}, {"nanos", 1e-9},  {"nanoseconds", 1e-9}};
   for (const std::string name : {"timestamps", "timestamp", "times", "time", "ts", "t", "stamps", "stamp"})
   {
-    const auto unit = plainName.rfind(name, 0) == 0 ? units.find(plainName.substr(name.size())) : units.end();
-    if (unit != units.end())
-    {
-      return unit->second;
-    }
-  }
-  return std::nullopt;
-}
-
-constexpr double kShortestStep = 2e-4, kLongestStep = 10;  // s between the poses of a tracker, on the median
-
-/// Seconds of the unit in which a tracker may have such a rate; 1 where there is none, or nothing to tell it by.
-double UnitByRate(std::vector<double> times, double& step)
-{
-  std::sort(times.begin(), times.end());
-  times.erase(std::unique(times.begin(), times.end()), times.end());
-  std::adjacent_difference(times.begin(), times.end(), times.begin());
-  if (times.size() < 2)
-  {
-    return 1;
-  }
-  std::sort(times.begin() + 1, times.end());
-  step = Quantile({times.begin() + 1, times.end()}, 0.5);
-  for (const double unit : {1.0, 1e-3, 1e-6, 1e-9})
-  {
-    if (kShortestStep <= unit * step && unit * step <= kLongestStep)
+    const auto unit = plainName.rfind(name, 0) == 0 ? UnitOfTime(plainName.substr(name.size())) : std::nullopt;
+    if (unit)
     {
       return unit;
     }
   }
-  return 1;
-}
-
-std::string NameOfUnit(double unit)
-{
-  return unit == 1e-3 ? "milliseconds" : unit == 1e-6 ? "microseconds" : "nanoseconds";
-}
-
-/// Times of a column that does not say its unit become seconds.
-void TakeTimesByRate(SequenceFile& file)
-{
-  std::vector<double> times;
-  double time = 0, step = 0;
-  for (const Fields& fields : file.frames)
-  {
-    if (const std::string* text = Find(fields, "Timestamp"); text && ParseNumber(*text, time) && std::isfinite(time))
-    {
-      times.push_back(time);
-    }
-  }
-  const double unit = UnitByRate(times, step);
-  for (Fields& fields : file.frames)
-  {
-    if (const auto text = fields.find("Timestamp");
-        unit != 1 && text != fields.end() && ParseNumber(text->second, time))
-    {
-      text->second = ExactNumber(unit * time);
-    }
-  }
-  if (unit != 1)
-  {
-    file.timesNote = file.fileName + ": the times are taken for " + NameOfUnit(unit) + ", because they are " +
-                     Format("%.4g", step) + " apart";
-  }
+  return std::nullopt;
 }
 
 std::string WithPoint(std::string number)
 {
   std::replace(number.begin(), number.end(), ',', '.');
   return number;
-}
-
-// The pattern with its one %d or %0Nd replaced.
-std::string ImageName(const SequenceFile& file, const std::string& pattern, std::int64_t number)
-{
-  const auto percent = pattern.find('%');
-  auto end = percent;
-  while (end != std::string::npos && ++end < pattern.size() && pattern[end] >= '0' && pattern[end] <= '9')
-  {
-  }
-  std::int64_t digits = 0;
-  const std::string width = end == std::string::npos ? "" : pattern.substr(percent + 1, end - percent - 1);
-  if (end == std::string::npos || end >= pattern.size() || pattern[end] != 'd' ||
-      pattern.find('%', end) != std::string::npos ||
-      (!width.empty() && (width[0] != '0' || !ParseNumber(width, digits) || digits > 20)))
-  {
-    Refuse(file, "image pattern " + Quoted(pattern) + "; one %d or %04d, where the number goes, is expected");
-  }
-  std::string text = std::to_string(number);
-  text.insert(0, text.size() < static_cast<std::size_t>(digits) ? static_cast<std::size_t>(digits) - text.size() : 0,
-              '0');
-  return pattern.substr(0, percent) + text + pattern.substr(end + 1);
-}
-
-/// Finds the pictures of all rows. `named` are those that the rows name.
-void SetImages(SequenceFile& file, const PoseCsv& table, const std::vector<std::string>& named,
-               const ImageOptions& options)
-{
-  const std::string folder = options.folder.empty() ? FolderOf(file.fileName) : options.folder;
-  if (!options.pattern.empty())
-  {
-    for (int frame = 0; frame < file.numberOfFrames; ++frame)
-    {
-      file.images.push_back((std::filesystem::path(folder) / ImageName(file, options.pattern, frame)).string());
-    }
-  }
-  else if (table.HasColumn("image"))
-  {
-    for (const std::string& name : named)
-    {
-      file.images.push_back(CompanionFile(file.fileName, folder, name));
-    }
-  }
-  else if (options.wanted && !options.folder.empty())
-  {
-    file.images = PngFilesOf(folder);
-    RequireHeader(file, file.images.size() == file.frames.size(), "has ", file.frames.size(), " poses, but ", folder,
-                  " has ", file.images.size(), " PNG files");
-  }
-  else if (options.wanted)
-  {
-    Refuse(file, "has no column image; add one, or give an image folder or pattern");
-  }
 }
 
 /// Takes size and type of the first picture and refuses others. Those of frames without a sound pose are not shown, and
@@ -240,25 +124,120 @@ void TakeSize(SequenceFile& file)
   }
 }
 
+/// Without times nothing but the pictures says in which order rows come.
+void OrderByPicture(SequenceFile& file)
+{
+  std::vector<std::size_t> order(file.frames.size());
+  std::iota(order.begin(), order.end(), std::size_t(0));
+  std::stable_sort(order.begin(), order.end(),
+                   [&file](std::size_t a, std::size_t b) { return InNaturalOrder(file.images[a], file.images[b]); });
+  const auto take = [&order](auto& values)
+  {
+    auto ordered = values;
+    for (std::size_t k = 0; k < order.size(); ++k)
+    {
+      ordered[k] = std::move(values[order[k]]);
+    }
+    values = std::move(ordered);
+  };
+  take(file.frames);
+  take(file.images);
+  take(file.sizes);
+}
+
+/// The line of the columns' names. Lines before it are comments or titles.
+std::string HeaderLine(SequenceFile& file, InputFile& input)
+{
+  std::string line;
+  int titles = 0;
+  for (int number = 1; input.ReadLine(line); ++number)
+  {
+    const auto comment = line.find('#');
+    if (PoseCsv::IsBeforeHeader(line))
+    {
+      if (comment != std::string::npos)
+      {
+        file.comments.emplace_back(Trimmed(std::string_view(line).substr(comment + 1)));
+      }
+      continue;
+    }
+    if (NamesPose(line, titles == 0))
+    {
+      break;
+    }
+    ++titles;
+    file.comments.emplace_back(Trimmed(line));
+    file.notes.push_back(file.fileName + ": line " + std::to_string(number) +
+                         " stands before the names of the columns and was skipped: " + Quoted(Trimmed(line)));
+  }
+  return line;
+}
+
+/// The rows, and what each says of its picture. Comments and units among them are said.
+void ReadRows(SequenceFile& file, InputFile& input, const PoseCsv& table, std::vector<std::string>& pictureCells)
+{
+  int skipped = 0;  // comments that look like rows
+  for (std::string line; input.ReadLine(line);)
+  {
+    const std::size_t number = file.frames.size();
+    const bool isUnits = number == 0 && !Trimmed(line).empty() && !PoseCsv::IsComment(line) && table.HoldsUnits(line);
+    if (PoseCsv::IsComment(line) || isUnits)
+    {
+      skipped += !isUnits && table.LooksLikeRow(line);
+      file.comments.emplace_back(Trimmed(std::string_view(line).substr(isUnits ? 0 : 1)));
+    }
+    if (isUnits)
+    {
+      file.notes.push_back(file.fileName +
+                           ": the line below the names of the columns holds units and no pose, and was skipped");
+    }
+    if (isUnits || PoseCsv::IsComment(line) || Trimmed(line).empty())
+    {
+      continue;
+    }
+    PoseCsv::Row row = table.Parse(line, number);
+    if (number == 0)
+    {
+      file.otherColumns = table.OtherColumns(row);
+    }
+    RequireHeader(file, static_cast<std::int64_t>(number) < mostFrames && input.Position() <= longestHeader,
+                  "has more than ", mostFrames, " rows or 256 MiB");
+    file.sizes.push_back(row.size);
+    pictureCells.push_back(std::move(row.image));
+    file.frames.push_back(std::move(row.fields));
+  }
+  Require(FileFault::Truncated, !file.frames.empty(), file.fileName, ": has a header line but no poses");
+  if (skipped > 0)
+  {
+    file.notes.push_back(file.fileName + ": " + std::to_string(skipped) +
+                         " lines that have as many cells as rows begin with # and were skipped as comments");
+  }
+}
+
 }  // namespace
 
 bool LooksLikePoseCsv(const std::string& beginning)
 {
   std::string_view rest = beginning;
-  while (!rest.empty() && PoseCsv::IsBeforeHeader(rest.substr(0, rest.find('\n'))))
+  for (int titles = 0; !rest.empty() && titles <= kMostTitles;)
   {
-    rest.remove_prefix(std::min(rest.find('\n'), rest.size() - 1) + 1);
+    const std::string_view line = rest.substr(0, rest.find('\n'));
+    if (!PoseCsv::IsBeforeHeader(line))
+    {
+      if (NamesPose(line, titles == 0))
+      {
+        return true;
+      }
+      ++titles;
+    }
+    rest.remove_prefix(std::min(line.size() + 1, rest.size()));
   }
-  const std::string line = Lowercase(rest.substr(0, rest.find_first_of("\r\n")));
-  return line.find("m00") != std::string::npos && line.find_first_of(",;\t") != std::string::npos;
+  return false;
 }
 
 PoseCsv::PoseCsv(const std::string& fileName, std::string header) : fileName_(fileName)
 {
-  if (header.rfind("\xef\xbb\xbf", 0) == 0)
-  {
-    header.erase(0, 3);  // a byte order mark
-  }
+  header = WithoutMark(std::move(header));
   header.erase(0, IsComment(header) ? 1 : 0);
   for (const char mark : {';', '\t'})
   {
@@ -268,13 +247,14 @@ PoseCsv::PoseCsv(const std::string& fileName, std::string header) : fileName_(fi
   for (std::size_t i = 0; i < names_.size(); ++i)
   {
     columns_.emplace(Lowercase(names_[i]), i);
-    const std::optional<double> unit = TimeUnitOf(Plain(names_[i]));
+    const std::optional<double> unit = TimeUnitOf(PlainName(names_[i]));
     if (unit && (time_ == kNone || Lowercase(names_[i]) == "timestamp"))
     {
       time_ = i;
       timeUnit_ = *unit;
     }
   }
+  pictures_ = FindPictureColumn(names_);
   const bool lastRow = HasColumn("m30") || HasColumn("m31") || HasColumn("m32") || HasColumn("m33");
   for (int i = 0; i < (lastRow ? 16 : 12); ++i)
   {
@@ -288,11 +268,41 @@ PoseCsv::PoseCsv(const std::string& fileName, std::string header) : fileName_(fi
 
 bool PoseCsv::IsBeforeHeader(std::string_view line)
 {
-  line = line.substr(line.substr(0, 3) == "\xef\xbb\xbf" ? 3 : 0);  // a byte order mark
-  const std::string text = Lowercase(Trimmed(line));
+  const std::string text = Lowercase(Trimmed(WithoutMark(std::string(line))));
   const bool isHeader =
       text.find("m00") != std::string::npos && text.find("m23") != std::string::npos;  // numpy's has a #
   return text.empty() || (text[0] == '#' && !isHeader) || text.rfind("sep=", 0) == 0;
+}
+
+bool PoseCsv::IsComment(const std::string& line)
+{
+  return !line.empty() && line[0] == '#' && !BeginsWithNoNumber(line);
+}
+
+bool PoseCsv::HoldsUnits(const std::string& line) const
+{
+  static const std::set<std::string> units = {"um",  "mm",     "cm",      "m",     "deg",   "degree",  "degrees",
+                                              "rad", "radian", "radians", "s",     "sec",   "seconds", "ms",
+                                              "us",  "ns",     "px",      "pixel", "pixels"};
+  static const std::set<std::string> nothing = {"", "-", "--", "?", "na", "n/a", "none"};
+  int found = 0;
+  for (const std::string& cell : CsvCells(fileName_, line, separator_))
+  {
+    const std::size_t begin = std::min(cell.find_first_not_of("()[] "), cell.size());
+    const std::string word = Lowercase(cell.substr(begin, cell.find_last_not_of("()[] ") + 1 - begin));
+    found += units.count(word) > 0;
+    if (units.count(word) + nothing.count(word) == 0)
+    {
+      return false;
+    }
+  }
+  return found > 0;
+}
+
+bool PoseCsv::LooksLikeRow(const std::string& line) const
+{
+  return names_.size() > 1 &&
+         static_cast<std::size_t>(std::count(line.begin(), line.end(), separator_)) == names_.size() - 1;
 }
 
 PoseCsv::Row PoseCsv::Parse(const std::string& line, std::size_t number) const
@@ -336,8 +346,7 @@ PoseCsv::Row PoseCsv::Parse(const std::string& line, std::size_t number) const
     }
     row.size[static_cast<std::size_t>(side)] = static_cast<int>(pixels);
   }
-  const std::string* image = cell("image");
-  row.image = image ? *image : "";
+  row.image = pictures_.title.empty() ? "" : row.cells[pictures_.column];
   return row;
 }
 
@@ -345,7 +354,7 @@ std::string PoseCsv::StatusOf(const std::vector<std::string>& cells, std::size_t
 {
   for (std::size_t column = 0; column < names_.size(); ++column)
   {
-    const std::string name = Plain(names_[column]), &cell = cells[column];
+    const std::string name = PlainName(names_[column]), &cell = cells[column];
     const bool isStatus = name == "status";
     if (!isStatus && !IsFlag(name))
     {
@@ -374,9 +383,9 @@ std::vector<std::pair<std::string, std::string>> PoseCsv::OtherColumns(const Row
   for (std::size_t column = 0; column < names_.size(); ++column)
   {
     const std::string name = Lowercase(names_[column]);
-    const bool isRead = std::count(matrix_.begin(), matrix_.end(), column) > 0 || name == "image" || name == "width" ||
-                        name == "height";
-    const bool isSaid = column == time_ || Plain(name) == "status" || IsFlag(Plain(name));
+    const bool isRead = std::count(matrix_.begin(), matrix_.end(), column) > 0 || name == "width" || name == "height";
+    const bool isPicture = !pictures_.title.empty() && column == pictures_.column;
+    const bool isSaid = isPicture || column == time_ || PlainName(name) == "status" || IsFlag(PlainName(name));
     if (!isSaid && (!isRead || columns_.at(name) != column))
     {
       others.emplace_back(names_[column], row.cells[column]);
@@ -391,47 +400,17 @@ void ReadPoseCsv(SequenceFile& file, InputFile& input, const ImageOptions& optio
   file.orientation = "MF";
   file.encoding = Encoding::Png;
 
-  std::string line;
-  while (input.ReadLine(line) && PoseCsv::IsBeforeHeader(line))
-  {
-    if (const auto comment = line.find('#'); comment != std::string::npos)
-    {
-      file.comments.emplace_back(Trimmed(std::string_view(line).substr(comment + 1)));
-    }
-  }
-  const PoseCsv table(file.fileName, line);
-  std::vector<std::string> named;
-  while (input.ReadLine(line))
-  {
-    if (PoseCsv::IsComment(line))
-    {
-      file.comments.emplace_back(Trimmed(std::string_view(line).substr(1)));
-      continue;
-    }
-    if (Trimmed(line).empty())
-    {
-      continue;
-    }
-    const std::size_t number = file.frames.size();
-    PoseCsv::Row row = table.Parse(line, number);
-    if (number == 0)
-    {
-      file.otherColumns = table.OtherColumns(row);
-    }
-    RequireHeader(file, static_cast<std::int64_t>(number) < mostFrames && input.Position() <= longestHeader,
-                  "has more than ", mostFrames, " rows or 256 MiB");
-    file.sizes.push_back(row.size);
-    named.push_back(std::move(row.image));
-    file.frames.push_back(std::move(row.fields));
-  }
-  Require(FileFault::Truncated, !file.frames.empty(), file.fileName, ": has a header line but no poses");
+  const PoseCsv table(file.fileName, HeaderLine(file, input));
+  PictureColumn pictures = table.Pictures();
+  ReadRows(file, input, table, pictures.cells);
   file.numberOfFrames = static_cast<int>(file.frames.size());
-  if (table.TimeUnit() == 0)
-  {
-    TakeTimesByRate(file);
-  }
+  file.timeUnit = table.TimeUnit() == 0 ? 0 : 1;  // rows with a unit are seconds
 
-  SetImages(file, table, named, options);
+  TakePictures(file, pictures, options);
+  if (options.wanted && !pictures.title.empty() && !table.HasTimes())
+  {
+    OrderByPicture(file);
+  }
   if (options.wanted)
   {
     TakeSize(file);

@@ -11,6 +11,7 @@
 #include <string_view>
 #include <vector>
 
+#include "IO/Formats/PictureNames.h"
 #include "IO/SequenceFile.h"
 
 namespace bigus
@@ -23,7 +24,7 @@ public:
   {
     Fields fields;  ///< the pose ImageToReference, its status and Timestamp, as a sequence names them
     std::array<int, 2> size = {0, 0};  ///< width and height where stated, else 0
-    std::string image;                 ///< empty where there is no such column
+    std::string image;                 ///< which picture it belongs to; empty where no column says so
     std::vector<std::string> cells;    ///< all of them
   };
 
@@ -34,12 +35,22 @@ public:
   static bool IsBeforeHeader(std::string_view line);
 
   /// Whether a line that is not blank holds no row.
-  static bool IsComment(const std::string& line) { return !line.empty() && line[0] == '#'; }
+  static bool IsComment(const std::string& line);
+
+  /// Whether a line, which may be the first below the header, holds units and no pose.
+  bool HoldsUnits(const std::string& line) const;
+
+  /// Whether a line, which may be a comment, has as many cells as rows.
+  bool LooksLikeRow(const std::string& line) const;
 
   /// Throws FileError for a line that is no row of this table. `number` counts rows from 0.
   Row Parse(const std::string& line, std::size_t number) const;
 
   bool HasColumn(const std::string& name) const { return columns_.count(name) != 0; }
+  bool HasTimes() const { return time_ != kNone; }
+
+  /// The column, without cells, that says which picture a row belongs to.
+  const PictureColumn& Pictures() const { return pictures_; }
 
   /// Seconds of the unit that the column of times names, in which rows have them; 0 where it names none.
   double TimeUnit() const { return timeUnit_; }
@@ -58,7 +69,8 @@ private:
   std::vector<std::string> names_;
   std::map<std::string, std::size_t> columns_;  // by lower-case name; of two of one name the first
   std::vector<std::size_t> matrix_;             // columns of the pose, 12 or 16
-  std::size_t time_ = kNone;                    // column of times
+  PictureColumn pictures_;
+  std::size_t time_ = kNone;  // column of times
   double timeUnit_ = 1;
 };
 

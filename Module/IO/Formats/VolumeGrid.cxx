@@ -195,7 +195,7 @@ VolumeGrid GridOfMetaImage(const Header& header)
 VolumeGrid ReadVolumeGrid(const std::string& fileName, bool worldIsLps)
 {
   InputFile input(fileName);
-  const std::string beginning = FileBeginning(fileName, 256);
+  const std::string beginning = WithoutMark(FileBeginning(fileName, 256));
   const bool isNrrd = beginning.rfind("NRRD000", 0) == 0;
   RequireFormat(isNrrd || beginning.substr(0, beginning.find('\n')).find('=') != std::string::npos, fileName,
                 ": not a volume that is read; save it as .nrrd or .mha");

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: BIGUS authors
 // SPDX-License-Identifier: BSD-3-Clause
-// CSVs of poses: as slice planes, and as a sweep of PNG images beside them.
+// CSVs of poses: as slice planes, and as a sweep of three PNG images beside them.
 #include "Fuzz/Harness.h"
 #include "Fuzz/Png.h"
 
@@ -9,7 +9,8 @@ namespace bigus::fuzz
 
 void TryInput(const std::string& bytes)
 {
-  static const std::string image = Write("frame_0.png", Png(4, 3));
+  static const std::string images[] = {Write("frame_0.png", Png(4, 3)), Write("frame_1.png", Png(4, 3)),
+                                       Write("frame_2.png", Png(4, 3))};
   const std::string path = Write("input.csv", bytes);
   ReadAsSequence(path);
   command::PlaneOptions options;
