@@ -1236,7 +1236,7 @@ def from_files(images: Path, poses: Optional[Path] = None, **options: Any) -> An
     images: .npy, .npz, .h5 (frames), a video, DICOM of many frames, .mha or .nrrd, a folder of pictures, or a .txt that
         lists them.
     poses: .csv or .txt (matrices, or positions and quaternions), .npy, .h5 (tforms), or .seq.mha of 3D Slicer; not given where
-        images has them, too. Rows of zeros, empty cells, NaN, words or a status other than OK are frames without a pose.
+        images has them, too. Columns such as image and frame say which picture a row belongs to. Rows of zeros, empty cells, NaN, words or a status other than OK are frames without a pose.
     calibration: from a pixel to the probe, or from mm in the image where a pixel spacing is given: 16 numbers in a file,
         a Plus configuration with ImageToProbe, or calib_matrix.csv of TUS-REC, which counts pixels from 1.
     pixel_spacing: mm along i and j. Without it and without a calibration poses lead from pixels.
