@@ -369,7 +369,7 @@ void WritePoses(vtkImageData* stack, const std::string& path, const std::vector<
   if (vtkDataArray* times = stack->GetFieldData()->GetArray("Timestamp"))
   {
     const std::vector<double> seconds = ToVector(times);
-    all.emplace_back(StatedUnitOf(seconds).empty() ? "timestamp" : "timestamp_s", seconds);
+    all.emplace_back(StatedUnitOf(seconds).empty() ? "timestamp" : "timestamp_sec", seconds);
   }
   all.insert(all.end(), columns.begin(), columns.end());
   const int* size = stack->GetDimensions();

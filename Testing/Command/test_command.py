@@ -2197,6 +2197,30 @@ class Convert(CommandTest):
         self.assertEqual([list(map(float, all_stamps)) for all_stamps in stamps], [times, times])
         self.assertNotIn("labels", run("info", images).stdout)
 
+    def test_times_of_any_unit_and_rate_are_seconds(self):
+        header, pixels, _ = read_sequence(self.sweep)
+
+        def with_times(path, step):
+            of_frame = re.compile(r"(Seq_Frame(\d+)_Timestamp = ).*")
+            write_sequence(path, of_frame.sub(lambda line: f"{line[1]}{step * int(line[2])}", header), pixels)
+
+        slow, again = self.folder / "slow.igs.mha", self.folder / "again.igs.mha"
+        with_times(slow, 50)
+        self.assertIn("the times are taken for milliseconds, because they are 50 apart", run("info", slow).stderr)
+        self.assertAlmostEqual(self.expect(SUCCESS, "info", slow)["duration"], 0.4)
+        with_times(slow, 1)
+        self.assertAlmostEqual(self.expect(SUCCESS, "info", slow)["duration"], 8)
+        for step in (60, 1e-5):
+            with_times(slow, step)
+            stated = slow.read_bytes().replace(b"Seq_Frame0000", b"TimestampUnit = s\nSeq_Frame0000", 1)
+            slow.write_bytes(stated)
+            for name in ("out.nrrd", "out.seq.nrrd", "out.igs.mha"):
+                with self.subTest(step=step, name=name):
+                    self.expect(SUCCESS, "convert", slow, self.folder / name)
+                    self.expect(SUCCESS, "convert", self.folder / name, again)
+                    times = re.findall(r"_Timestamp = (.*)", read_sequence(again)[0])
+                    self.assertEqual([float(time) for time in times], [step * k for k in range(9)])
+
     def test_a_part_of_a_sequence_keeps_what_belongs_to_its_frames(self):
         part = self.folder / "part.igs.mha"
         chosen = [7, 2, 3, 4]

@@ -134,6 +134,25 @@ TEST(SequenceWriter, RoundTripIsExact)
   EXPECT_EQ(std::distance(std::filesystem::directory_iterator(folder.Path()), {}), 2);  // no temporary files
 }
 
+// A rate that no tracker has would be read as that of another unit.
+TEST(SequenceWriter, TimesOfAnyRateStaySeconds)
+{
+  TemporaryFolder folder;
+  for (const double step : {60.0, 1e-5, 1.0, 0.0})
+  {
+    SCOPED_TRACE(step);
+    auto sweep = RandomSweep(VTK_UNSIGNED_CHAR, 5, 4, 3);
+    vtkDataArray* const times = sweep->GetFieldData()->GetArray("Timestamp");
+    for (int frame = 0; frame < 3; ++frame)
+    {
+      times->SetComponent(frame, 0, 7 + step * frame);
+    }
+    ExpectRoundTrip(sweep, folder / "sweep.igs.mha", false);
+    const std::string bytes = ReadBytes(folder / "sweep.igs.mha");
+    EXPECT_EQ(bytes.find("TimestampUnit = s\n") != std::string::npos, step == 60 || step == 1e-5);
+  }
+}
+
 TEST(SequenceWriter, WritesFrameNamesAndStatus)
 {
   TemporaryFolder folder;
