@@ -34,16 +34,13 @@ FrameGeometry MeasureFrames(const SequenceFile& file, const std::vector<FramePos
     geometry.pixelSize[0] += plane.columnStep.norm() / accepted;
     geometry.pixelSize[1] += plane.rowStep.norm() / accepted;
     box.extend(plane.Point(0, 0)).extend(plane.Point(i, 0)).extend(plane.Point(0, j)).extend(plane.Point(i, j));
-    if (k > 0)
-    {
-      geometry.pathLength += (plane.Point(0.5 * i, 0.5 * j) - sweep.Plane(k - 1).Point(0.5 * i, 0.5 * j)).norm();
-    }
   }
   for (int axis = 0; axis < 3; ++axis)
   {
     geometry.bounds[2 * axis] = box.min()[axis];
     geometry.bounds[2 * axis + 1] = box.max()[axis];
   }
+  geometry.pathLength = PathLength(sweep, AllFrames(sweep));
   geometry.planes = MeasureGeometry(sweep, AllFrames(sweep));
   return geometry;
 }

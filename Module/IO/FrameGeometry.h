@@ -17,7 +17,7 @@ struct FrameGeometry
 {
   double pixelSize[2] = {0, 0};           ///< along columns and rows, mean over frames
   SweepGeometry planes;                   ///< as the trainer measures it
-  double pathLength = 0;                  ///< of the frames' centres
+  double pathLength = 0;                  ///< as PathLength measures it
   double bounds[6] = {0, 0, 0, 0, 0, 0};  ///< of their corners: x, x, y, y, z, z
 };
 FrameGeometry MeasureFrames(const SequenceFile& file, const std::vector<FramePose>& frames);

@@ -96,12 +96,6 @@ Sweep ToSweep(const std::deque<LiveFrame>& frames, std::size_t first)
   return sweep;
 }
 
-/// Whether something is known of what lies between a frame and the next.
-bool IsGapFilled(const Sweep& sweep, int frame, double usualGap)
-{
-  return GapBetween(sweep, frame, frame + 1) <= kBreak * usualGap;
-}
-
 /// The plane midway between a frame and the next, with what pose interpolation shows there.
 LiveFrame Between(const Sweep& sweep, int frame)
 {
@@ -430,10 +424,11 @@ void LiveTraining::UploadWindow(const Sweep& chunk)
     mask = both;
   }
   shape_->mask = HasField() && !shape_->mask ? nullptr : mask;  // null: all is lit
-  const double usualGap = MeasureGeometry(chunk, AllFrames(chunk)).usualSpacing;
+  const std::vector<double> gaps = GapsBetween(chunk, AllFrames(chunk));
+  const double longest = kBreak * MeasureGeometry(chunk, AllFrames(chunk)).usualSpacing;
   for (int frame = 0; frame < chunk.NumberOfFrames(); ++frame)
   {
-    if (frame > 0 && IsGapFilled(chunk, frame - 1, usualGap))
+    if (frame > 0 && gaps[frame - 1] <= longest)  // else nothing is known of what lies between
     {
       targets_.push_back(Between(chunk, frame - 1));
       Pause();

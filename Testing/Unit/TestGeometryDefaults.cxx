@@ -3,8 +3,13 @@
 // What the geometry of a sweep alone asks for.
 #include <gtest/gtest.h>
 
+#include <cmath>
+
+#include "Core/Model/SweepGeometry.h"
+#include "Core/Numerics/Constants.h"
 #include "Core/Training/GeometryDefaults.h"
 #include "Core/Training/VirtualPlanes.h"
+#include "Support/Random.h"
 #include "Support/Sweeps.h"
 
 namespace bigus
@@ -148,6 +153,73 @@ TEST(GeometryDefaults, KeptContrastAsksForContrastBetweenFrames)
   const TrainingPlan plan = PlanFor(1.5, 0.3, options);
   EXPECT_EQ(plan.virtualPlanes, PlanFor(1.5, 0.3).virtualPlanes);
   EXPECT_TRUE(plan.interpolation.keepContrast);
+}
+
+/// Frames that turn about the depth axis through a place `offset` columns from the image's middle, each place `noise` mm off.
+std::shared_ptr<Sweep> TurningSweep(int frames, double degrees, double offset, double noise)
+{
+  const auto sweep = test::BlackSweep(frames, 61, 41, 0.4, 0);
+  test::Random random(3);
+  for (int k = 0; k < frames; ++k)
+  {
+    const double angle = degrees * k * kRadiansPerDegree;
+    Eigen::Matrix4d turn = Eigen::Matrix4d::Identity();
+    turn(0, 0) = turn(2, 2) = std::cos(angle);
+    turn(0, 2) = std::sin(angle);
+    turn(2, 0) = -turn(0, 2);
+    sweep->imageToReference[k](0, 3) += 0.4 * offset;
+    sweep->imageToReference[k] = turn * sweep->imageToReference[k];
+    for (int axis = 0; axis < 3; ++axis)
+    {
+      sweep->imageToReference[k](axis, 3) += noise * random.Normal();
+    }
+  }
+  return sweep;
+}
+
+// A probe that turns about its own image's middle leaves that where it is. What it sweeps is what the mean place does: of
+// columns x, a quarter of the width on average, sin(3 degrees) |x|.
+TEST(GeometryDefaults, GapsOfAProbeThatTurnsAboutItsImageAreThoseOfTheMeanPlace)
+{
+  const double mean = 0.25 * 0.4 * 60 * std::sin(3 * kRadiansPerDegree);
+  for (const double noise : {0.0, 1e-9, 0.003})
+  {
+    const auto sweep = TurningSweep(60, 3, 0, noise);
+    const std::vector<int> all = AllFrames(*sweep);
+    const SweepGeometry geometry = MeasureGeometry(*sweep, all);
+    EXPECT_NEAR(geometry.usualSpacing, mean, 0.02 * mean) << noise;
+    EXPECT_GT(geometry.smallestSpacing, 0.9 * mean) << noise;
+    EXPECT_NEAR(PathLength(*sweep, all), 59 * mean, 0.02 * 59 * mean) << noise;
+    // No place of a frame lies beyond a break.
+    EXPECT_GT(LongestGaps(*sweep, all)[0], GapBetween(*sweep, 0, 1, 60, 20)) << noise;
+    EXPECT_EQ(AddVirtualPlanes(*sweep, all, 2, {})->NumberOfFrames(), 60 + 2 * 59) << noise;
+  }
+}
+
+TEST(GeometryDefaults, OtherSweepsAreMeasuredAtTheImagesCentre)
+{
+  // About an edge of the image, and about a place between that and its middle.
+  for (const double offset : {30.0, 15.0})
+  {
+    const auto turns = TurningSweep(60, 1, offset, 0);
+    for (const double gap : GapsBetween(*turns, AllFrames(*turns)))
+    {
+      EXPECT_NEAR(gap, 0.4 * offset * std::sin(kRadiansPerDegree), 1e-9) << offset;
+    }
+  }
+  const auto straight = SweepOf({0.5, 0.25, 1.0});
+  EXPECT_EQ(GapsBetween(*straight, AllFrames(*straight)), (std::vector<double>{0.5, 0.25, 1.0}));
+  // One sequence that turns beside one that does not; what lies between two is measured as before.
+  auto both = std::make_shared<Sweep>(*SweepOf({0.5, 0.5}));
+  const auto turns = TurningSweep(3, 3, 0, 0);
+  both->width = turns->width;
+  both->height = turns->height;
+  both->imageToReference.insert(both->imageToReference.end(), turns->imageToReference.begin(),
+                                turns->imageToReference.end());
+  both->sequences = {0, 0, 0, 1, 1, 1};
+  const std::vector<double> gaps = GapsBetween(*both, AllFrames(*both));
+  EXPECT_EQ(gaps[0], 0.5);
+  EXPECT_GT(gaps[3], 0.2);
 }
 
 }  // namespace

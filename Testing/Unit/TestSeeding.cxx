@@ -64,6 +64,36 @@ TEST(Seeding, DensityFollowsIntensity)
   EXPECT_NEAR(bright / dim, 0.265 / 0.055, 0.15 * 0.265 / 0.055);
 }
 
+// Where a probe turns about its image, or slides in its plane, the centre's gaps are noise: no measure of a seed.
+TEST(Seeding, SeedsHaveAThicknessWhereTheCentreDoesNotMove)
+{
+  for (const bool turns : {true, false})
+  {
+    for (const double noise : {1e-9, 0.003})
+    {
+      const auto sweep = Steps();
+      for (int k = 0; k < sweep->NumberOfFrames(); ++k)
+      {
+        Eigen::Matrix4d& pose = sweep->imageToReference[k];
+        pose(0, 3) += turns ? 0 : 0.5 * k;
+        pose(2, 3) = k % 2 ? noise : -noise;
+        if (turns)
+        {
+          pose.topRows<3>() = Eigen::AngleAxisd(0.05 * k, Eigen::Vector3d::UnitY()).toRotationMatrix() *
+                              Eigen::Matrix<double, 3, 4>(pose.topRows<3>());
+        }
+      }
+      const bigus::GaussianField field =
+          bigus::Seed(*sweep, AllFrames(*sweep), {0}, {SeedPlacement::Intensity, 500, 1});
+      for (const Eigen::Vector3d& scales : field.scales)
+      {
+        EXPECT_GT(scales.minCoeff(), 0.03) << turns << " " << noise;  // a tenth of a pixel
+        EXPECT_LT(scales.maxCoeff(), 6) << turns << " " << noise;
+      }
+    }
+  }
+}
+
 TEST(Seeding, PlacementIsMoreEvenThanChance)
 {
   auto sweep = bigus::test::BlackSweep(24, 96, 96, 0.3, 0.3);

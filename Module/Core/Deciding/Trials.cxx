@@ -93,11 +93,10 @@ Trials::Trials(const Sweep& sweep, const std::vector<int>& frames, std::size_t t
 
 void Trials::MeasureShares()
 {
-  const auto gap = [&](int from, int to) { return GapBetween(*sweep_, from, to); };
+  const std::vector<double> gaps = GapsBetween(*sweep_, AllFrames(*sweep_));
   double sum = 0, squares = 0;
-  for (int frame = 1; frame < sweep_->NumberOfFrames(); ++frame)
+  for (const double g : gaps)
   {
-    const double g = gap(frame - 1, frame);
     sum += g;
     squares += g * g;
   }
@@ -105,7 +104,7 @@ void Trials::MeasureShares()
   for (const int frame : validation_)
   {
     const bool isInside = frame > 0 && frame + 1 < sweep_->NumberOfFrames();
-    const double before = isInside ? gap(frame - 1, frame) : 0, after = isInside ? gap(frame, frame + 1) : 0;
+    const double before = isInside ? gaps[frame - 1] : 0, after = isInside ? gaps[frame] : 0;
     const double here = before + after > 0 ? before * after / (before + after) : 0;
     shares_.push_back(here > 0 ? std::min(1.0, expected / here) : 1.0);
   }

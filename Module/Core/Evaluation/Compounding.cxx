@@ -55,12 +55,11 @@ std::size_t MostVoxels(const Sweep& sweep, const std::vector<int>& training)
   constexpr double kRoom = 6, kWidest = 16;
   constexpr std::size_t kAlways = std::size_t(1) << 18;
   const double pixel = MeasureGeometry(sweep, training).pixelSize;
-  const std::vector<double> longest = LongestGaps(sweep, training);
+  const std::vector<double> gaps = GapsBetween(sweep, training), longest = LongestGaps(sweep, training);
   double layers = 1;
   for (std::size_t k = 0; k < longest.size(); ++k)
   {
-    const double gap = GapBetween(sweep, training[k], training[k + 1]);
-    layers += std::clamp(std::min(gap, longest[k]) / pixel, 1.0, kWidest);
+    layers += std::clamp(std::min(gaps[k], longest[k]) / pixel, 1.0, kWidest);
   }
   return std::max(kAlways, static_cast<std::size_t>(kRoom * layers * static_cast<double>(sweep.PixelsPerFrame())));
 }
@@ -330,11 +329,10 @@ Compounding::Compounding(const Sweep& sweep, const std::vector<int>& training, d
   // A break in the sweep is no gap. The nearest of 13 directions is at most 27.2 degrees from a gap's own: 1 / cos = 1.13.
   const SweepGeometry geometry = MeasureGeometry(sweep, training);
   double gap = std::min(geometry.largestSpacing, kBreak * geometry.usualSpacing);
-  const std::vector<double> longest = LongestGaps(sweep, training);
+  const std::vector<double> gaps = GapsBetween(sweep, training), longest = LongestGaps(sweep, training);
   for (std::size_t k = 0; k < longest.size(); ++k)
   {
-    const double wide = GapBetween(sweep, training[k], training[k + 1]);
-    gap = wide <= longest[k] ? std::max(gap, wide) : gap;
+    gap = gaps[k] <= longest[k] ? std::max(gap, gaps[k]) : gap;
   }
   FillHoles(static_cast<int>(std::clamp(std::ceil(1.13 * gap / voxelSize_), 9.0, 64.0)));
 }

@@ -192,6 +192,7 @@ Sweep Sweep::ReducedOf(const std::vector<int>& frames, int n) const
   out.width = width / n;
   out.height = height / n;
   out.pixelType = PixelType::Float32;
+  out.averaged = averaged * n;
 
   // Old index = n * new index + (n - 1) / 2: the centre of a block.
   Eigen::Matrix4d newToOld = Eigen::Matrix4d::Identity();
@@ -297,6 +298,7 @@ Sweep Sweep::Subset(const std::vector<int>& frames) const
   out.width = width;
   out.height = height;
   out.pixelType = pixelType;
+  out.averaged = averaged;
   out.mask = mask;
   const std::size_t frameBytes = PixelsPerFrame() * BytesPerPixel(pixelType);
   const auto bytes = AllocatePixels<unsigned char>(frameBytes * frames.size());
@@ -488,6 +490,25 @@ std::pair<std::vector<int>, std::vector<int>> SplitHoldOut(const Sweep& sweep, c
   return split;
 }
 
+std::optional<float> LevelOf(const Sweep& sweep, const std::vector<int>& frames)
+{
+  std::vector<float> image(sweep.PixelsPerFrame());
+  std::optional<float> level;
+  for (const int frame : frames)
+  {
+    sweep.CopyFrame(frame, image.data());
+    for (std::size_t p = 0; p < image.size(); ++p)
+    {
+      if (sweep.IsLit(p) && image[p] != level.value_or(image[p]))
+      {
+        return std::nullopt;
+      }
+      level = sweep.IsLit(p) ? image[p] : level;
+    }
+  }
+  return level.value_or(0);
+}
+
 std::vector<int> AllFrames(const Sweep& sweep)
 {
   std::vector<int> frames(sweep.NumberOfFrames());
@@ -547,6 +568,7 @@ std::shared_ptr<const Sweep> Join(const std::vector<std::shared_ptr<const Sweep>
     {
       out.pixelType = Sweep::PixelType::Float32;
     }
+    out.averaged = std::max(out.averaged, sequence.averaged);
     areTimed = areTimed && !sequence.timestamps.empty();
     out.imageToReference.insert(out.imageToReference.end(), sequence.imageToReference.begin(),
                                 sequence.imageToReference.end());

@@ -6,6 +6,7 @@
 #include <Eigen/Dense>
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
@@ -34,6 +35,7 @@ struct Sweep
   /// [frames] number of the sequence that the frame was recorded in, never falling; empty: all in one. Neighbours, and
   /// whatever rests on the order of frames, are of one sequence only.
   std::vector<int> sequences;
+  int averaged = 1;  ///< side of the blocks of recorded pixels that one of these is the mean of (Reduced)
   std::shared_ptr<const std::vector<std::uint8_t>> mask;  ///< [height][width], 0 = never lit or clipped; null = all lit
 
   int NumberOfFrames() const { return static_cast<int>(imageToReference.size()); }
@@ -91,6 +93,9 @@ struct Sweep
 std::pair<std::vector<int>, std::vector<int>> SplitHoldOut(int numberOfFrames, int k);
 /// The same among `frames`, by their places within their own sequence: every sequence is split as if it were alone.
 std::pair<std::vector<int>, std::vector<int>> SplitHoldOut(const Sweep& sweep, const std::vector<int>& frames, int k);
+
+/// The intensity of all pixels of frames that show nothing, where masked pixels do not count; of others null.
+std::optional<float> LevelOf(const Sweep& sweep, const std::vector<int>& frames);
 
 /// All frames, 0 to NumberOfFrames() - 1.
 std::vector<int> AllFrames(const Sweep& sweep);

@@ -31,6 +31,12 @@ constexpr double kTwoSpeeds = 3;
 constexpr double kLocalBreak = 4;  // usual gaps around it: longer ones are not part of the path
 constexpr std::ptrdiff_t kAround = 5;
 
+/// Times the way of the image's centre that its places go in the mean, from which the probe turns about the centre. What goes
+/// kBreak times the usual way is a break; sweeps that advance have 1.0 to 1.1 (liver, brain), those that turn about an edge of
+/// the image 1.0, and about a place between edge and centre 1.3.
+constexpr double kTurns = kBreak;
+constexpr int kPlaces = 4;  // in rows and columns, each amid its share of the image; none is the centre
+
 double MedianOfSome(std::vector<double> values)
 {
   constexpr std::size_t kFewest = 3;
@@ -105,14 +111,71 @@ double UsualAround(const std::vector<double>& steps, std::size_t k)
                   MedianOfSome({step + 1, step + 1 + std::min(kAround, steps.end() - step - 1)}));
 }
 
+namespace
+{
+
+/// Mean over the image of what `way` tells of each place.
+template <class Way>
+double MeanOverImage(const Sweep& sweep, const Way& way)
+{
+  double sum = 0;
+  for (int place = 0; place < kPlaces * kPlaces; ++place)
+  {
+    sum += way((place % kPlaces + 0.5) / kPlaces * (sweep.width - 1),
+               (place / kPlaces + 0.5) / kPlaces * (sweep.height - 1));
+  }
+  return sum / (kPlaces * kPlaces);
+}
+
+/// Ways from each frame to the next, `between(from, to, i, j)` those of places of the image.
+template <class Between>
+std::vector<double> WaysBetween(const Sweep& sweep, const std::vector<int>& frames, const Between& between)
+{
+  std::vector<double> centre, mean;
+  for (std::size_t k = 0; k + 1 < frames.size(); ++k)
+  {
+    const auto at = [&](double i, double j) { return between(frames[k], frames[k + 1], i, j); };
+    centre.push_back(at(0.5 * (sweep.width - 1), 0.5 * (sweep.height - 1)));
+    mean.push_back(MeanOverImage(sweep, at));
+  }
+  std::size_t k = 0;
+  for (const std::vector<int>& own : BySequence(sweep, frames))
+  {
+    const auto first = static_cast<std::ptrdiff_t>(k), last = first + static_cast<std::ptrdiff_t>(own.size()) - 1;
+    const auto sum = [&](const std::vector<double>& ways)
+    { return std::accumulate(ways.begin() + first, ways.begin() + last, 0.0); };
+    const double rounding = kExact * sweep.Plane(own[0]).PixelSize() * static_cast<double>(own.size());
+    if (sum(mean) > kTurns * sum(centre) + rounding)
+    {
+      std::copy(mean.begin() + first, mean.begin() + last, centre.begin() + first);
+    }
+    k += own.size();
+  }
+  return centre;
+}
+
+}  // namespace
+
+std::vector<double> GapsBetween(const Sweep& sweep, const std::vector<int>& frames)
+{
+  return WaysBetween(sweep, frames,
+                     [&](int from, int to, double i, double j) { return GapBetween(sweep, from, to, i, j); });
+}
+
+double PathLength(const Sweep& sweep, const std::vector<int>& frames)
+{
+  const std::vector<double> ways =
+      WaysBetween(sweep, frames,
+                  [&](int from, int to, double i, double j)
+                  { return (sweep.Plane(to).Point(i, j) - sweep.Plane(from).Point(i, j)).norm(); });
+  return std::accumulate(ways.begin(), ways.end(), 0.0);
+}
+
 std::vector<double> LongestGaps(const Sweep& sweep, const std::vector<int>& frames)
 {
   const double usual = MeasureGeometry(sweep, frames).usualSpacing;
-  std::vector<double> gaps, longest;
-  for (std::size_t k = 0; k + 1 < frames.size(); ++k)
-  {
-    gaps.push_back(GapBetween(sweep, frames[k], frames[k + 1]));
-  }
+  const std::vector<double> gaps = GapsBetween(sweep, frames);
+  std::vector<double> longest;
   for (std::size_t k = 0; k < gaps.size(); ++k)
   {
     const bool goesOn = NeighboursOf(sweep, frames, frames[k]).after.has_value();
@@ -127,20 +190,16 @@ double GapBetween(const Sweep& sweep, int from, int to, double i, double j)
   return std::abs((sweep.Plane(to).Point(i, j) - plane.Point(i, j)).dot(plane.Normal()));
 }
 
-double GapBetween(const Sweep& sweep, int from, int to)
-{
-  return GapBetween(sweep, from, to, 0.5 * (sweep.width - 1), 0.5 * (sweep.height - 1));
-}
-
 SweepGeometry MeasureGeometry(const Sweep& sweep, const std::vector<int>& frames)
 {
   SweepGeometry geometry;
   std::vector<double> spacings;
-  for (std::size_t k = 0; k + 1 < frames.size(); ++k)
+  const std::vector<double> gaps = GapsBetween(sweep, frames);
+  for (std::size_t k = 0; k < gaps.size(); ++k)
   {
     if (NeighboursOf(sweep, frames, frames[k]).after)
     {
-      spacings.push_back(GapBetween(sweep, frames[k], frames[k + 1]));
+      spacings.push_back(gaps[k]);
     }
   }
   for (const std::vector<int>& own : BySequence(sweep, frames))

@@ -14,14 +14,21 @@ namespace bigus
 struct SweepGeometry
 {
   double pixelSize = 0;  ///< geometric mean of the pixel sides; of several sequences the smallest
-  /// Between neighbouring planes of a sequence, at the image centre, along the normal: the median of the gaps. Where the
-  /// probe lingered, most gaps are short and tell little of the sweep, so that it is the median along the path (half of
-  /// the path, breaks left out, lies in shorter gaps) if that is more than three times as long.
+  /// Between neighbouring planes of a sequence, as GapsBetween measures: the median of the gaps. Where the probe
+  /// lingered, most gaps are short and tell little of the sweep, so that it is the median along the path (half of the
+  /// path, breaks left out, lies in shorter gaps) if that is more than three times as long.
   double usualSpacing = 0;
   double smallestSpacing = 0;
   double largestSpacing = 0;
 };
 SweepGeometry MeasureGeometry(const Sweep& sweep, const std::vector<int>& frames);
+
+/// How far frames[k + 1] lies from frames[k] along the latter's normal, mm: at the image's centre. A probe that turns about
+/// that moves elsewhere, so that of a sequence whose centres hardly move it is the mean over the image. [frames - 1]
+std::vector<double> GapsBetween(const Sweep& sweep, const std::vector<int>& frames);
+
+/// The way that the image's centre goes along the frames, mm; the mean over the image where that turns about its centre.
+double PathLength(const Sweep& sweep, const std::vector<int>& frames);
 
 /// Of steps of a probe, in their order, the one that is usual as `usualSpacing` says; 0 of none.
 double UsualStep(const std::vector<double>& steps);
@@ -40,8 +47,6 @@ std::vector<double> LongestGaps(const Sweep& sweep, const std::vector<int>& fram
 
 /// Distance along the normal of frame `from` between its pixel (i, j) and the same pixel of frame `to`, mm.
 double GapBetween(const Sweep& sweep, int from, int to, double i, double j);
-/// At the image's centre.
-double GapBetween(const Sweep& sweep, int from, int to);
 
 /// Normals of the frames' planes that stand for all. Every frame has one of them within 5 degrees (a plane's two sides
 /// are the same), and no two of them are that near to each other.

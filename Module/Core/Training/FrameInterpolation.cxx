@@ -15,6 +15,7 @@
 #include "Core/Metrics/Metrics.h"
 #include "Core/Model/Error.h"
 #include "Core/Model/Sequences.h"
+#include "Core/Model/SweepGeometry.h"
 #include "Core/Numerics/Statistics.h"
 
 namespace bigus
@@ -187,12 +188,12 @@ Views ViewsAlongNormals(const Sweep& sweep, const std::array<int, kFrames>& fram
   return views;
 }
 
-/// Frames pixel for pixel, at the distances of their centres.
+/// Frames pixel for pixel, at the distances that the probe moved (PathLength).
 Views ViewsAlongProbe(const Sweep& sweep, const std::array<int, kFrames>& frames, double share)
 {
-  const auto centre = [&](int k) { return CentreOf(sweep.Plane(frames[k])); };
-  const double gap = (centre(kSecond) - centre(kFirst)).norm();
-  const auto gaps = [&](int a, int b) { return gap > 0 ? (centre(a) - centre(b)).norm() / gap : 1; };
+  const auto way = [&](int a, int b) { return PathLength(sweep, {frames[a], frames[b]}); };
+  const double gap = way(kFirst, kSecond);
+  const auto gaps = [&](int a, int b) { return gap > 0 ? way(b, a) / gap : 1; };
   Views views;
   Positions positions{kUnknown, -share, 1 - share, kUnknown};
   for (int k = 0; k < kFrames; ++k)
@@ -712,7 +713,7 @@ std::optional<double> ScoreInterpolation(const Sweep& sweep, const std::vector<i
   {
     const std::size_t k = scored[n];
     const SlicePlane plane = sweep.Plane(frames[k]);
-    const auto distance = [&](int other) { return (CentreOf(plane) - CentreOf(sweep.Plane(other))).norm(); };
+    const auto distance = [&](int other) { return PathLength(sweep, {other, frames[k]}); };
     const double u = distance(frames[k - 1]), v = distance(frames[k + 1]);
     std::vector<float> image(sweep.PixelsPerFrame()), truth(image.size());
     std::vector<int> others = frames;

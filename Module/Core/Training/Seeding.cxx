@@ -45,6 +45,8 @@ constexpr double kRounding = 0.3, kWaver = 0.4;
 
 /// Median gaps that a seed's own gap counts at the least: where the hand stood still seeds would be flat.
 constexpr double kLeastGap = 0.25;
+/// Pixels: planes nearer than this are one, but for a good tracker's noise (0.01 mm, beside pixels of 0.2 mm).
+constexpr double kOnePlane = 0.05;
 
 /// The same for the equal scales of random seeds: one scale over the cube root of V.
 constexpr double kIsotropicScale = 0.5;
@@ -365,25 +367,6 @@ struct Seeder
 
 }  // namespace
 
-std::optional<float> LevelOf(const Sweep& sweep, const std::vector<int>& frames)
-{
-  std::vector<float> image(sweep.PixelsPerFrame());
-  std::optional<float> level;
-  for (const int frame : frames)
-  {
-    sweep.CopyFrame(frame, image.data());
-    for (std::size_t p = 0; p < image.size(); ++p)
-    {
-      if (sweep.IsLit(p) && image[p] != level.value_or(image[p]))
-      {
-        return std::nullopt;
-      }
-      level = sweep.IsLit(p) ? image[p] : level;
-    }
-  }
-  return level.value_or(0);
-}
-
 GaussianField Seed(const Sweep& sweep, const std::vector<int>& frames, const Beam& beam, const SeedingOptions& options)
 {
   Require(options.count >= 1 && options.count <= (std::size_t(1) << 26), "Seeding: ", options.count,
@@ -392,8 +375,9 @@ GaussianField Seed(const Sweep& sweep, const std::vector<int>& frames, const Bea
   const Brightness brightness = MeasureBrightness(sweep, frames);
   const SweepGeometry geometry = MeasureGeometry(sweep, frames);
   // One frame, or a probe that only slid in its plane: take the beam's own thickness, at least a pixel.
-  const double usualGap =
-      geometry.usualSpacing > 0 ? geometry.usualSpacing : std::max(beam.elevationSigma, geometry.pixelSize);
+  const double usualGap = geometry.usualSpacing > kOnePlane * geometry.pixelSize
+                              ? geometry.usualSpacing
+                              : std::max(beam.elevationSigma, geometry.pixelSize);
 
   std::mt19937_64 random(options.seed);
   const DensityGrid grid = MakeDensity(sweep, frames, options, brightness.lit);

@@ -30,9 +30,6 @@ struct SeedingOptions
   bool sparse = false;  ///< planes lie so far apart (IsSparse) that seeds should not reach their neighbours
 };
 
-/// The intensity of all pixels of frames that show nothing, where masked pixels do not count; of others null.
-std::optional<float> LevelOf(const Sweep& sweep, const std::vector<int>& frames);
-
 /// Seeds a field over the volume that `frames` sweep. Reflectivity comes from inverting the transfer function at the
 /// seed; gamma from the frames' mean. Throws Error when the frames hold no lit pixel.
 GaussianField Seed(const Sweep& sweep, const std::vector<int>& frames, const Beam& beam, const SeedingOptions& options);

@@ -30,12 +30,8 @@ struct Gap
 /// Where the sweep breaks no plane is made, and what lies beyond a break says nothing.
 std::vector<Gap> GapsOf(const Sweep& sweep, const std::vector<int>& frames)
 {
-  const std::vector<double> longest = LongestGaps(sweep, frames);
-  const auto isBreak = [&](std::size_t k)
-  {
-    const SlicePlane from = sweep.Plane(frames[k]);
-    return std::abs((CentreOf(sweep.Plane(frames[k + 1])) - CentreOf(from)).dot(from.Normal())) > longest[k];
-  };
+  const std::vector<double> wide = GapsBetween(sweep, frames), longest = LongestGaps(sweep, frames);
+  const auto isBreak = [&](std::size_t k) { return wide[k] > longest[k]; };
   std::vector<Gap> gaps;
   for (std::size_t k = 0; k + 1 < frames.size(); ++k)
   {
