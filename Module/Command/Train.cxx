@@ -163,16 +163,29 @@ std::string NameOfSequence(const std::string& path, std::size_t k, std::size_t c
   return (std::filesystem::path(path).parent_path() / (stem + "-" + std::to_string(k + 1) + ending)).string();
 }
 
-/// The sequence as it is trained on, --reduce applied.
-vtkSmartPointer<vtkImageData> ReadTrainingImage(const SequenceOptions& options, Console& console)
+/// The sequence as it is trained on, --reduce applied. Text of a screen is looked for before pixels are averaged, because
+/// it mixes with tissue then; what is found is told and added to `findings`.
+vtkSmartPointer<vtkImageData> ReadTrainingImage(const SequenceOptions& options, const TrainerOptions& trainer,
+                                                Json& findings, Console& console)
 {
   const vtkSmartPointer<vtkImageData> whole = ReadSequence(options, console);
   if (options.reduce <= 1)
   {
     return whole;
   }
+  const ImportedSweep imported = SweepFromImage(whole);
+  const char* const kept = trainer.keep.Keeps(FindingKind::Overlay) ? "all" : "order+contact+repeat+rest+tracking+fan";
+  InspectedSweep inspected = bigus::Inspect(imported.sweep, KeptKinds::Parse(kept), trainer.holdOut);
+  const auto isOther = [](const Finding& finding) { return finding.kind != FindingKind::Overlay; };
+  inspected.findings.erase(std::remove_if(inspected.findings.begin(), inspected.findings.end(), isOther),
+                           inspected.findings.end());
+  for (const Json& finding : FindingsJson(inspected.findings, imported.frames))
+  {
+    console.Note("bigus: warning: " + finding["text"].get<std::string>());
+    findings.push_back(finding);
+  }
   auto reduced = vtkSmartPointer<vtkImageData>::New();
-  SweepToImage(SweepFromImage(whole).sweep->Reduced(options.reduce), reduced);
+  SweepToImage(inspected.sweep->Reduced(options.reduce), reduced);
   return reduced;
 }
 
@@ -308,7 +321,7 @@ struct Frames
 {
   std::vector<vtkSmartPointer<vtkImageData>> images;
   ImportedSweep imported;
-  Json findings;
+  Json findings = Json::array();
   std::vector<int> training, heldOut;
 };
 
@@ -333,7 +346,10 @@ void Inspect(const ImportedSweep& recorded, const TrainerOptions& options, Frame
       frames.heldOut.push_back(k);
     }
   }
-  frames.findings = FindingsJson(inspected.findings, recorded.frames);
+  for (Json& finding : FindingsJson(inspected.findings, recorded.frames))
+  {
+    frames.findings.push_back(std::move(finding));
+  }
 }
 
 Frames ReadFrames(const std::vector<SequenceOptions>& sequences, const TrainerOptions& options, Console& console)
@@ -343,7 +359,7 @@ Frames ReadFrames(const std::vector<SequenceOptions>& sequences, const TrainerOp
   std::vector<vtkImageData*> images;
   for (const SequenceOptions& one : sequences)
   {
-    frames.images.push_back(ReadTrainingImage(one, console));
+    frames.images.push_back(ReadTrainingImage(one, options, frames.findings, console));
     images.push_back(frames.images.back());
   }
   RequireOneSizeOf(sequences, images);

@@ -13,6 +13,7 @@
 #include "vtkDoubleArray.h"
 #include "vtkFloatArray.h"
 #include "vtkImageData.h"
+#include "vtkIntArray.h"
 #include "vtkPointData.h"
 #include "vtkSmartPointer.h"
 #include "vtkUnsignedCharArray.h"
@@ -130,6 +131,11 @@ ImportedSweep SweepFromImage(vtkImageData* image)
     sweep.mask = MaskOf(mask);
   }
 
+  if (vtkDataArray* averaged = FindArray(data, owner, "Averaged", 1, 1, false))
+  {
+    sweep.averaged = std::max(1, static_cast<int>(std::min(averaged->GetTuple1(0), 65536.0)));
+  }
+
   SetPixels(scalars, owner, sweep);
 
   ImportedSweep imported;
@@ -228,6 +234,12 @@ void SweepToImage(const Sweep& sweep, vtkImageData* image)
     const auto times = NewArray<vtkDoubleArray>("Timestamp", 1, frames);
     std::copy(sweep.timestamps.begin(), sweep.timestamps.end(), times->GetPointer(0));
     data->AddArray(times);
+  }
+  if (sweep.averaged > 1)
+  {
+    const auto averaged = NewArray<vtkIntArray>("Averaged", 1, 1);
+    averaged->SetValue(0, sweep.averaged);
+    data->AddArray(averaged);
   }
   if (sweep.mask)
   {

@@ -100,7 +100,8 @@ void Fill(cv::Mat& image, const cv::Mat& covered)
 std::optional<Finding> FindOverlay(const Sweep& sweep, const GreyLevels& levels, const std::vector<int>& frames,
                                    std::vector<std::uint8_t>& covered)
 {
-  if (frames.size() < kFewestFrames)
+  // Averaged tissue hardly changes, and averaged text mixes with it: whoever averages looks before.
+  if (frames.size() < kFewestFrames || sweep.averaged > 1)
   {
     return std::nullopt;
   }
