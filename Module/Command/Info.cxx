@@ -218,6 +218,10 @@ Json ShowTracker(Console& console, const Sweep& sweep)
 Json ShowDoubts(Console& console, const Sweep& sweep, vtkBigusSequenceReader* reader)
 {
   std::vector<std::string> doubts = DoubtsAboutPoses(sweep, AllFrames(sweep));
+  if (const std::optional<std::string> doubt = DoubtAboutTimes(sweep.timestamps))
+  {
+    doubts.push_back(*doubt);
+  }
   if (const int made = reader->GetNumberOfMadeAxes(); made > 0)
   {
     doubts.push_back("The matrices of " + std::to_string(made) + (made == 1 ? " frame" : " frames") +

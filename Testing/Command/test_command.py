@@ -192,6 +192,42 @@ class Check(CommandTest):
         self.assertAlmostEqual(found["lit"], answer["lit"], delta=0.03)
         self.assertEqual(self.expect(SUCCESS, "check", damaged, "--keep", "fan")["lit"], 1)
 
+    def changed(self, name, change):
+        """The sweep with other bytes for pixels: change(frame, column, row, level)."""
+        head, body = self.sweep.read_bytes().split(b"ElementDataFile = LOCAL\n", 1)
+        width, height, count = (int(n) for n in re.search(rb"DimSize = (\d+) (\d+) (\d+)", head).groups())
+        pixels = zlib.decompress(body) if b"CompressedData = True" in head else body
+        made = bytes(change(p // (width * height), p % width, p // width % height, level)
+                     for p, level in enumerate(pixels[:width * height * count]))
+        head = re.sub(rb"CompressedData(Size)? = .*\n", b"", head)
+        (self.folder / name).write_bytes(head + b"ElementDataFile = LOCAL\n" + made)
+        return self.folder / name
+
+    def test_text_of_the_screen_is_filled_before_pixels_are_averaged(self):
+        # A pattern of single pixels: averaged, each is as much tissue as text.
+        shown = self.changed("text.igs.mha", lambda k, i, j, level: 235 if 4 <= i < 24 and 4 <= j < 10 and
+                             (7 * i + 3 * j + i * j) % 5 < 2 else level)
+        found = self.expect(SUCCESS, "check", shown)["findings"]
+        self.assertEqual([one["kind"] for one in found], ["overlay"])
+        for reduce in (1, 2, 3):
+            result = run("train", shown, "-o", self.folder / "text.vtp", *TINY, "--reduce", reduce)
+            self.assertEqual(result.returncode, SUCCESS, result.stderr)
+            self.assertEqual(result.stderr.count("The scanner's screen shows"), 1, result.stderr)
+            answer = self.expect(SUCCESS, "train", shown, "-o", self.folder / "text.vtp", *TINY, "--reduce", reduce)
+            self.assertEqual(answer["findings"], found, reduce)
+        kept = self.expect(SUCCESS, "train", shown, "-o", self.folder / "text.vtp", *TINY, "--reduce", 2, "--keep", "overlay")
+        self.assertEqual([(one["kind"], one["applied"]) for one in kept["findings"]], [("overlay", False)])
+        self.assertEqual(kept["settled"]["keep"], "overlay")
+
+    def test_what_train_refuses_is_said(self):
+        for name, change, words in (("black.igs.mha", lambda k, i, j, level: 0, "all pixels are black"),
+                                    ("flat.igs.mha", lambda k, i, j, level: 77, "one grey level")):
+            flat = self.changed(name, change)
+            found = self.expect(SUCCESS, "check", flat)["findings"]
+            self.assertIn(words, " ".join(one["text"] for one in found if one["kind"] == "levels"))
+            self.assertNotIn("nothing is wrong", run("check", flat).stdout)
+            self.expect(BAD_INPUT, "train", flat, "-o", self.folder / "flat.vtp", *TINY)
+
     def test_frames_without_tissue_are_named(self):
         head, body = self.sweep.read_bytes().split(b"ElementDataFile = LOCAL\n", 1)
         width, height, count = (int(n) for n in re.search(rb"DimSize = (\d+) (\d+) (\d+)", head).groups())
@@ -576,6 +612,20 @@ class Info(CommandTest):
         self.assertRegex(run("info", metres).stdout, "Doubtful +Pixels of .*metres")
         sheared = changed("sheared.mha", lambda m: [x + 0.1 * m[k - 1] * (k % 4 == 1) for k, x in enumerate(m)])
         self.assertIn("shear", self.expect(SUCCESS, "info", sheared)["doubts"][0])
+        # A turn about the image's own middle: nothing is doubtful, and the path is that of the mean place.
+        turns = self.folder / "turns.mha"
+        header, pixels, _ = read_sequence(self.sweep)
+        poses = iter(0.05 * k for k in range(9))
+        def turn(match):
+            angle = next(poses)
+            c, s = math.cos(angle), math.sin(angle)
+            return match.group(1) + f"{0.6 * c} 0 {s} {-14.1 * c} 0 0.6 0 0 {-0.6 * s} 0 {c} {14.1 * s} 0 0 0 1"
+        write_sequence(turns, re.sub(r"(_ImageToReferenceTransform = ).*", turn, header), pixels)
+        answer = self.expect(SUCCESS, "info", turns)
+        self.assertEqual(answer["doubts"], [])
+        self.assertAlmostEqual(answer["path_length"], 8 * 2 * math.sin(0.025) * 14.1 / 2, delta=0.01)
+        self.assertAlmostEqual(answer["plane_spacing"]["median"], math.sin(0.05) * 14.1 / 2, delta=0.01)
+        self.assertNotIn("hardly moved", run("check", turns).stdout)
         flat = changed("flat.mha", lambda m: [0.6, 0, 0, 0, 0, 0.6, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1])
         self.assertIn("one plane", self.expect(SUCCESS, "info", flat)["doubts"][0])
         mirrored = changed("mirrored.mha", lambda m: [-x if k % 4 == 0 else x for k, x in enumerate(m)])

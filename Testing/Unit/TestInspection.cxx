@@ -9,6 +9,7 @@
 #include <iostream>
 #include <map>
 #include <numeric>
+#include <random>
 #include <tuple>
 
 #include "Core/Inspection/Inspection.h"
@@ -516,6 +517,116 @@ TEST(Inspection, ADimOrAWhiteSweepIsLookedAtAsOthersAre)
   EXPECT_EQ(KindsOf(Inspect(white.AsSweep())), Kinds{FindingKind::Levels});
 }
 
+// What is dark in a byte is dark in more bits, where a byte would show none of it.
+TEST(Inspection, EightBitsThatWereStoredInSixteenAreSaid)
+{
+  for (const double most : {5.0, 85.0, 255.0})
+  {
+    auto wide = std::make_shared<Sweep>(*PhantomFrames(1, 0.1).AsSweep());
+    auto pixels = std::make_shared<std::vector<float>>(32 * wide->PixelsPerFrame());
+    for (int k = 0; k < 32; ++k)
+    {
+      wide->CopyFrame(k, pixels->data() + k * wide->PixelsPerFrame());
+    }
+    std::transform(pixels->begin(), pixels->end(), pixels->begin(),
+                   [most](float value) { return std::round(most * value) / 65535; });
+    wide->pixelType = Sweep::PixelType::Float32;
+    wide->pixels = std::shared_ptr<const void>(pixels, pixels->data());
+    const InspectedSweep inspected = Inspect(wide);
+    ASSERT_EQ(KindsOf(inspected), Kinds{FindingKind::Levels}) << most;
+    EXPECT_NE(inspected.findings[0].evidence.find("--pixel-range"), std::string::npos);
+  }
+}
+
+// What a training refuses is no good sweep.
+TEST(Inspection, NothingToLearnIsSaid)
+{
+  for (const double level : {0.0, 5.0, 77.0, 255.0})
+  {
+    Frames frames = PhantomFrames(1);
+    for (std::vector<double>& image : frames.images)
+    {
+      std::fill(image.begin(), image.end(), level);
+    }
+    const InspectedSweep inspected = Inspect(frames.AsSweep());
+    const auto levels = std::find_if(inspected.findings.begin(), inspected.findings.end(),
+                                     [](const bigus::Finding& one) { return one.kind == FindingKind::Levels; });
+    ASSERT_NE(levels, inspected.findings.end()) << level;
+    EXPECT_NE(levels->evidence.find(level == 0 ? "all pixels are black" : "one grey level"), std::string::npos);
+  }
+  Frames one = PhantomFrames(1);
+  one.images.resize(1);
+  one.poses.resize(1);
+  one.times.resize(1);
+  const InspectedSweep alone = Inspect(one.AsSweep());
+  ASSERT_EQ(KindsOf(alone), Kinds{FindingKind::Poses});
+  EXPECT_NE(alone.findings[0].evidence.find("one usable frame"), std::string::npos);
+}
+
+/// The sweep with its frames in another order, without times.
+std::shared_ptr<const Sweep> Listed(Frames frames, const std::vector<int>& order)
+{
+  const Frames recorded = frames;
+  frames.times.clear();
+  for (std::size_t k = 0; k < order.size(); ++k)
+  {
+    frames.images[k] = recorded.images[order[k]];
+    frames.poses[k] = recorded.poses[order[k]];
+  }
+  return frames.AsSweep();
+}
+
+TEST(Inspection, AWrongOrderWithoutTimesIsDoubted)
+{
+  for (const std::uint64_t seed : {1, 2, 3})
+  {
+    const Frames frames = PhantomFrames(seed);
+    std::vector<int> shuffled = From(0, 32), byLetters = From(0, 32), twoStrokes, turned = From(0, 32);
+    std::mt19937_64 random(seed);
+    for (std::size_t k = 31; k > 0; --k)
+    {
+      std::swap(shuffled[k], shuffled[random() % (k + 1)]);
+    }
+    std::sort(byLetters.begin(), byLetters.end(), [](int a, int b) { return std::to_string(a) < std::to_string(b); });
+    std::reverse(turned.begin(), turned.end());
+    for (const int stroke : {0, 1})  // every other frame there, the others on the way back
+    {
+      for (int k = stroke; k < 32; k += 2)
+      {
+        twoStrokes.push_back(stroke ? 32 - k : k);
+      }
+    }
+    for (const auto& [order, isWrong] :
+         {std::pair(shuffled, true), {byLetters, true}, {From(0, 32), false}, {twoStrokes, false}, {turned, false}})
+    {
+      const InspectedSweep inspected = Inspect(Listed(frames, order));
+      const bool isSaid = std::any_of(inspected.findings.begin(), inspected.findings.end(),
+                                      [](const bigus::Finding& one)
+                                      { return one.evidence.find("in a wrong order") != std::string::npos; });
+      EXPECT_EQ(isSaid, isWrong) << seed;
+      EXPECT_EQ(inspected.frames, From(0, 32)) << seed;
+    }
+  }
+}
+
+// One doubt, and that of what is wrong: pictures would only give another name to it.
+TEST(Inspection, MetresAndOnePoseForAllAreNoCentimetres)
+{
+  for (const bool isOnePose : {false, true})
+  {
+    Frames frames = PhantomFrames(1);
+    for (Eigen::Matrix4d& pose : frames.poses)
+    {
+      pose = isOnePose ? frames.poses[0] : pose;
+      pose.block<3, 1>(0, 3) *= isOnePose ? 1 : 1e-3;
+    }
+    for (const bigus::Finding& finding : Inspect(frames.AsSweep(), KeptKinds::Parse("all")).findings)
+    {
+      EXPECT_EQ(finding.evidence.find("centimetres"), std::string::npos) << finding.evidence;
+    }
+  }
+}
+
 // Speckle is as long along the path as across pictures, within a factor of three, so ten times less or more is doubted.
 TEST(Inspection, TranslationsInCentimetresAreDoubted)
 {
@@ -734,6 +845,24 @@ TEST(Inspection, TextOfTheScreenIsFilled)
       EXPECT_LT(errorAfter, (level < 200 ? 1 : 0.5) * errorBefore) << seed << " " << level;
     }
   }
+}
+
+// Skin that hardly changes, once averaged, looks as steady as text; text was looked for before.
+TEST(Inspection, NoTextIsFoundInAveragedPixels)
+{
+  Frames frames = PhantomFrames(1);
+  for (std::vector<double>& image : frames.images)
+  {
+    for (int p = 0; p < 96 * 80; ++p)
+    {
+      const int x = p % 96, y = p / 96;
+      image[p] = y >= 4 && y < 8 && x >= 20 && x < 60 ? 220 : image[p];
+    }
+  }
+  const auto sweep = frames.AsSweep();
+  EXPECT_EQ(KindsOf(Inspect(sweep)), Kinds{FindingKind::Overlay});
+  EXPECT_EQ(KindsOf(Inspect(std::make_shared<const Sweep>(sweep->Reduced(2)))), Kinds{});
+  EXPECT_EQ(sweep->Reduced(2).Reduced(2).Subset({1, 2}).averaged, 4);
 }
 
 /// A convex probe's sweep, or a linear probe's in the middle of a screen, and which pixels it lights.

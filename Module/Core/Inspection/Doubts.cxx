@@ -193,10 +193,17 @@ std::optional<Finding> DoubtDepth(const Pictures& pictures, const std::vector<in
   return Found(FindingKind::Depth, from, evidence + "; train on each part by itself");
 }
 
-std::optional<Finding> DoubtLevels(const GreyLevels& levels)
+std::optional<Finding> DoubtLevels(const GreyLevels& levels, bool isFlat)
 {
   std::string evidence;
-  if (levels.IsSaturated())
+  if (isFlat)
+  {
+    evidence = (levels.brightest == 0
+                    ? std::string("all pixels are black")
+                    : "all pixels have one grey level, " + Format("%.2g", levels.brightest / 2.55) + " % of white") +
+               ", so that there is nothing to learn and a training refuses them";
+  }
+  else if (levels.IsSaturated())
   {
     evidence = Format("%.0f", 100 * levels.white) +
                " % of what is not black is white: the gain was too high, or the largest value of the pixels is given "
@@ -204,8 +211,10 @@ std::optional<Finding> DoubtLevels(const GreyLevels& levels)
   }
   else if (levels.IsDim())
   {
-    evidence = "no pixel is brighter than " + Format("%.1f", levels.brightest / 2.55) +
-               " % of white: pixels may have fewer bits than their type, and the value that is white can be given";
+    evidence =
+        "no pixel is brighter than " + Format("%.2g", levels.brightest / 2.55) +
+        " % of white: pixels may have fewer bits than their type; give the value that is white (--pixel-range 255 "
+        "for 8 bits that were stored in 16, PixelRange in Python), or use them as bytes";
   }
   if (evidence.empty())
   {
@@ -232,10 +241,18 @@ std::vector<Finding> DoubtsAbout(const Sweep& sweep, const Pictures& pictures, c
   {
     add(DoubtGain(pictures, frames));
     add(DoubtDepth(pictures, frames));
-    add(DoubtMotion(sweep, pictures, frames));
+    // Where poses alone say what is wrong, pictures would only give another name to it.
+    add(IsPathDoubtful(sweep, frames) ? std::nullopt : DoubtMotion(sweep, pictures, frames));
   }
-  add(DoubtLevels(levels));
-  for (std::string& doubt : DoubtsAboutPoses(sweep, frames))
+  add(DoubtLevels(levels, LevelOf(sweep, frames).has_value()));
+  std::vector<std::string> said = DoubtsAboutPoses(sweep, frames);
+  // Of times that fall the finding 'order' tells more.
+  if (const std::optional<std::string> times = DoubtAboutTimes(sweep.timestamps);
+      times && sweep.timestamps.back() == sweep.timestamps.front())
+  {
+    said.push_back(*times);
+  }
+  for (std::string& doubt : said)
   {
     doubt.pop_back();  // its full stop
     add(Finding{FindingKind::Poses, {}, 0, false, std::move(doubt)});

@@ -279,6 +279,14 @@ try
   {
     result.findings.push_back({FindingKind::Poses, {}, 0, false, *std::move(doubt)});
   }
+  if (sweep->NumberOfFrames() < 2)
+  {
+    result.findings.push_back({FindingKind::Poses,
+                               {},
+                               0,
+                               false,
+                               "there is one usable frame, and a new field needs two at least, at different places"});
+  }
   if (result.frames != AllFrames(*sweep))
   {
     result.sweep = std::make_shared<const Sweep>(sweep->Subset(result.frames));

@@ -198,10 +198,51 @@ bool GreyLevels::IsSaturated() const
   return white > kMostWhite;
 }
 
+namespace
+{
+
+/// The brightest level by counts of levels 0 to counts.size() - 1: one that no more than one of a hundred thousand exceeds.
+std::size_t BrightestOf(const std::vector<std::size_t>& counts)
+{
+  const std::size_t all = std::accumulate(counts.begin(), counts.end(), std::size_t(0));
+  std::size_t level = counts.size(), above = 0;
+  while (level > 0 && 100000 * above <= all)
+  {
+    above += counts[--level];
+  }
+  return level;
+}
+
+/// The same of pixels as they are, for those of which a byte would leave little: 8 bits that were stored in 16, for one.
+double BrightestAsIs(const Sweep& sweep, const std::vector<int>& frames)
+{
+  constexpr std::size_t kFine = 65536;
+  std::vector<float> image(sweep.PixelsPerFrame());
+  float top = 0;
+  for (const int frame : frames)
+  {
+    sweep.CopyFrame(frame, image.data());
+    top = std::max(top, *std::max_element(image.begin(), image.end()));
+  }
+  std::vector<std::size_t> counts(kFine, 0);
+  for (const int frame : frames)
+  {
+    sweep.CopyFrame(frame, image.data());
+    for (const float value : image)
+    {
+      ++counts[top > 0 ? static_cast<std::size_t>(std::lround(double(value) / top * (kFine - 1))) : 0];
+    }
+  }
+  return static_cast<double>(kLevels) * top * static_cast<double>(BrightestOf(counts)) / (kFine - 1);
+}
+
+}  // namespace
+
 GreyLevels SurveyLevels(const Sweep& sweep, const std::vector<int>& frames)
 {
   std::vector<std::size_t> counts(256, 0);
-  for (const int frame : EvenlySpread(frames, kLookedAt))
+  const std::vector<int> looked = EvenlySpread(frames, kLookedAt);
+  for (const int frame : looked)
   {
     const cv::Mat image = LevelsOf(sweep, frame);
     std::for_each(image.begin<std::uint8_t>(), image.end<std::uint8_t>(),
@@ -209,11 +250,10 @@ GreyLevels SurveyLevels(const Sweep& sweep, const std::vector<int>& frames)
   }
   const std::size_t all = std::accumulate(counts.begin(), counts.end(), std::size_t(0)), lit = all - counts[0];
   GreyLevels levels;
-  std::size_t above = 0;
-  levels.brightest = 256;
-  while (levels.brightest > 0 && 100000 * above <= all)
+  levels.brightest = static_cast<double>(BrightestOf(counts));
+  if (levels.brightest < kDimmest * kLevels && sweep.pixelType == Sweep::PixelType::Float32)
   {
-    above += counts[--levels.brightest];
+    levels.brightest = BrightestAsIs(sweep, looked);
   }
   levels.white = lit > 0 ? static_cast<double>(counts[254] + counts[255]) / static_cast<double>(lit) : 0;
   return levels;
@@ -223,7 +263,7 @@ Sweep Brightened(const Sweep& sweep, const GreyLevels& levels)
 {
   const std::size_t pixels = sweep.PixelsPerFrame();
   const std::shared_ptr<float> bright = AllocatePixels<float>(pixels * sweep.NumberOfFrames());
-  const float factor = kLevels / static_cast<float>(levels.brightest);
+  const auto factor = static_cast<float>(kLevels / levels.brightest);
   for (int k = 0; k < sweep.NumberOfFrames(); ++k)
   {
     float* const frame = bright.get() + k * pixels;

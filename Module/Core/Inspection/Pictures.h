@@ -43,8 +43,10 @@ Pictures MakePictures(const Sweep& sweep, const std::vector<int>& frames);
 /// What grey levels a sweep has, by some of its frames.
 struct GreyLevels
 {
-  int brightest = 0;  ///< level of 255 that no more than one of a hundred thousand pixels exceeds; 0: all are black
-  double white = 0;   ///< share of 254 and 255 of what is not black
+  /// Level of 255 that no more than one of a hundred thousand pixels exceeds, of dark ones to 1/65535 of the brightest; 0:
+  /// all are black.
+  double brightest = 0;
+  double white = 0;  ///< share of 254 and 255 of what is not black
 
   bool IsDim() const;        ///< pixels may have fewer bits than their type
   bool IsSaturated() const;  ///< white hides what is there

@@ -57,7 +57,7 @@ LostTracking FindLostTracking(const Sweep& sweep, const Pictures& pictures, cons
 std::vector<Finding> DoubtsAbout(const Sweep& sweep, const Pictures& pictures, const GreyLevels& levels,
                                  const std::vector<int>& frames);
 
-/// Of these: pictures do not change as poses say, as much as the way is long or in its direction.
+/// Of these: pictures do not change as poses say, in the order listed, as much as the way is long or in its direction.
 std::optional<Finding> DoubtMotion(const Sweep& sweep, const Pictures& pictures, const std::vector<int>& frames);
 
 /// What is done about a pixel of every frame, in `covered` below. 0: nothing.
@@ -69,7 +69,8 @@ constexpr std::uint8_t kBlackened = 2;  ///< made black, as a pixel that no prob
 std::optional<Finding> FindFan(const Sweep& sweep, const std::vector<int>& frames, std::vector<std::uint8_t>& covered);
 
 /// Pixels that do not change from frame to frame and do not look like what is around them, with a rim. `covered` gets
-/// kFilled there; pixels that have something else are not looked at, nor white ones where tissue is as white.
+/// kFilled there; pixels that have something else are not looked at, nor white ones where tissue is as white, nor those of
+/// a sweep that was averaged.
 std::optional<Finding> FindOverlay(const Sweep& sweep, const GreyLevels& levels, const std::vector<int>& frames,
                                    std::vector<std::uint8_t>& covered);
 

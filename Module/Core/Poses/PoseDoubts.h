@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: BIGUS authors
 // SPDX-License-Identifier: BSD-3-Clause
-// Poses that are sound as numbers but hardly those of a probe: wrong units, sheared images, frames in one plane.
+// Poses and times that are sound as numbers but hardly those of a probe: wrong units, sheared images, frames in one plane.
 #pragma once
 
 #include <optional>
@@ -17,5 +17,13 @@ std::vector<std::string> DoubtsAboutPoses(const Sweep& sweep, const std::vector<
 
 /// Of several sequences: a clause where two have the same poses, or one lies far from all others; none for a usual sweep.
 std::optional<std::string> DoubtAboutSequences(const Sweep& sweep);
+
+/// Whether one of them says that the path is none of a probe's: wrong units, matrices the wrong way round, frames in one
+/// plane.
+bool IsPathDoubtful(const Sweep& sweep, const std::vector<int>& frames);
+
+/// A plain sentence where all frames have one time, or the last an earlier one than the first; nothing where there are no
+/// times.
+std::optional<std::string> DoubtAboutTimes(const std::vector<double>& times);
 
 }  // namespace bigus
