@@ -55,6 +55,14 @@ std::shared_ptr<const std::vector<std::uint8_t>> MaskOf(vtkDataArray* array)
   return mask;
 }
 
+int AveragedOf(vtkFieldData* data, const std::string& owner)
+{
+  constexpr double kMost = 65536;
+  vtkDataArray* averaged = FindArray(data, owner, "Averaged", 1, 1, false);
+  const double side = averaged ? averaged->GetTuple1(0) : 1;
+  return side > 1 ? static_cast<int>(std::min(side, kMost)) : 1;  // not a number: 1
+}
+
 /// The image's grey values. Throws Error where it has none.
 vtkDataArray* PixelsOf(vtkImageData* image, const std::string& owner)
 {
@@ -131,11 +139,7 @@ ImportedSweep SweepFromImage(vtkImageData* image)
     sweep.mask = MaskOf(mask);
   }
 
-  if (vtkDataArray* averaged = FindArray(data, owner, "Averaged", 1, 1, false))
-  {
-    sweep.averaged = std::max(1, static_cast<int>(std::min(averaged->GetTuple1(0), 65536.0)));
-  }
-
+  sweep.averaged = AveragedOf(data, owner);
   SetPixels(scalars, owner, sweep);
 
   ImportedSweep imported;
