@@ -9,7 +9,6 @@
 #include <utility>
 
 #include "Core/Model/Sequences.h"
-#include "Core/Numerics/Statistics.h"
 
 namespace bigus
 {
@@ -37,10 +36,16 @@ constexpr std::ptrdiff_t kAround = 5;
 constexpr double kTurns = kBreak;
 constexpr int kPlaces = 4;  // in rows and columns, each amid its share of the image; none is the centre
 
+double MedianGap(std::vector<double> values)
+{
+  std::sort(values.begin(), values.end());
+  return values.empty() ? 0 : values[values.size() / 2];
+}
+
 double MedianOfSome(std::vector<double> values)
 {
   constexpr std::size_t kFewest = 3;
-  return values.size() < kFewest ? 0 : Median(std::move(values));
+  return values.size() < kFewest ? 0 : MedianGap(std::move(values));
 }
 
 /// The gap below which half of the path lies, without gaps that are breaks.
@@ -49,8 +54,8 @@ double MedianAlongPath(const std::vector<double>& gaps)
   std::vector<double> along;
   for (auto gap = gaps.begin(); gap != gaps.end(); ++gap)
   {
-    const double before = Median({gap - std::min(kAround, gap - gaps.begin()), gap});
-    const double after = Median({gap + 1, gap + 1 + std::min(kAround, gaps.end() - gap - 1)});
+    const double before = MedianGap({gap - std::min(kAround, gap - gaps.begin()), gap});
+    const double after = MedianGap({gap + 1, gap + 1 + std::min(kAround, gaps.end() - gap - 1)});
     if (*gap <= kLocalBreak * std::max(before, after))
     {
       along.push_back(*gap);
@@ -100,7 +105,7 @@ bool Meet(const SlicePlane& a, const SlicePlane& b)
 
 double UsualStep(const std::vector<double>& steps)
 {
-  const double median = Median(steps), along = MedianAlongPath(steps);
+  const double median = MedianGap(steps), along = MedianAlongPath(steps);
   return along > kTwoSpeeds * median ? along : median;
 }
 
@@ -254,10 +259,11 @@ bool IsVolume(const Sweep& sweep, const std::vector<int>& frames)
 
 bool FramesCross(const Sweep& sweep, const std::vector<int>& frames)
 {
+  const std::size_t count = std::min(kLookedAt, frames.size());
   std::vector<SlicePlane> planes;
-  for (const int frame : EvenlySpread(frames, kLookedAt))
+  for (std::size_t k = 0; k < count; ++k)
   {
-    planes.push_back(sweep.Plane(frame));
+    planes.push_back(sweep.Plane(frames[(2 * k + 1) * frames.size() / (2 * count)]));
   }
   std::size_t crossing = 0;
   for (const SlicePlane& a : planes)
@@ -267,7 +273,7 @@ bool FramesCross(const Sweep& sweep, const std::vector<int>& frames)
                               return std::abs(a.Normal().dot(b.Normal())) <= kCrossing && (Meet(a, b) || Meet(b, a));
                             });
   }
-  return crossing > 0 && 2 * crossing >= planes.size();
+  return count > 0 && 2 * crossing >= count;
 }
 
 }  // namespace bigus
