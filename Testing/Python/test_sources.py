@@ -15,6 +15,7 @@ import subprocess
 import sys
 import tempfile
 import unittest
+import warnings
 import zlib
 from unittest import mock
 
@@ -1100,6 +1101,43 @@ class Program(InFolder):
         return subprocess.run([sys.executable, "-m", "bigus.convert", *map(str, arguments)], capture_output=True, text=True,
                               cwd=self.folder)
 
+    def write_pngs(self, names):
+        """A PNG a frame in the folder frames."""
+        (self.folder / "frames").mkdir()
+        raw = [zlib.compress(b"".join(b"\0" + row.tobytes() for row in image)) for image in IMAGES]
+        for name, data in zip(names, raw):
+            chunks = ((b"IHDR", struct.pack(">IIBBBBB", WIDTH, HEIGHT, 8, 0, 0, 0, 0)), (b"IDAT", data), (b"IEND", b""))
+            (self.folder / "frames" / name).write_bytes(b"\x89PNG\r\n\x1a\n" + b"".join(
+                struct.pack(">I", len(body)) + kind + body + struct.pack(">I", zlib.crc32(kind + body)) for kind, body in chunks))
+
+    def test_both_readers_know_which_picture_a_row_belongs_to(self):
+        try:
+            import bigus
+        except ImportError as error:
+            self.skipTest(str(error))
+        package("cv2")
+        names = [f"scan_{k}.png" for k in range(5, 5 + FRAMES)]  # up to 11
+        self.write_pngs(names)
+        order = [5, 0, 3, 6, 1, 2, 4]
+        for title, cells in (("image", names), ("File Name", [f"frames/{name}" for name in names]),
+                             ("picture", [name[:-4] for name in names]), ("file", range(5, 5 + FRAMES)), ("frame", range(FRAMES)),
+                             ("Frame Number", range(1, 1 + FRAMES)), ("frame_id", range(5, 5 + FRAMES)), ("index", range(FRAMES))):
+            for rows in (order, order[:4]):  # frames 5, 0, 3, 6, of which the last tells that they count from 1
+                with self.subTest(title=title, cell=cells[0], rows=len(rows)):
+                    self.write("named.csv", "# by hand\nRecorded in 2024\n" +
+                               table((title, *MATRIX_NAMES), [[str(cells[k]), *TRUTH[k].ravel()] for k in rows]))
+                    self.check(sources.load(self.folder / "frames", self.folder / "named.csv"), TRUTH[sorted(rows)], IMAGES[sorted(rows)])
+                    with warnings.catch_warnings():
+                        warnings.simplefilter("ignore")
+                        read = bigus.read(self.folder / "named.csv", ImageFolder=str(self.folder / "frames"))
+                    np.testing.assert_array_equal(bigus.frames(read), IMAGES[sorted(rows)])
+                    np.testing.assert_allclose(bigus.poses(read), TRUTH[sorted(rows)], atol=1e-12)
+        self.write("bad.csv", table(("image", *MATRIX_NAMES), [["far.png", *pose.ravel()] for pose in TRUTH]))
+        result = self.run_convert("frames", "bad.csv", "-o", "sweep.igs.mha")
+        self.assertRegex(result.stderr, "bad.csv: line 2, column image: 'far.png' .*Rename the column")
+        with self.assertRaisesRegex(RuntimeError, 'bad.csv: row 0, column image: "far.png" .*Rename the column'):
+            bigus.read(self.folder / "bad.csv", ImageFolder=str(self.folder / "frames"))
+
     def test_convert(self):
         try:
             import bigus
@@ -1134,13 +1172,8 @@ class Program(InFolder):
             self.assertIn("pixel's size" if ending else "Pixels are 0.3 x 0.4 mm, by the file of the images.", result.stderr)
         np.testing.assert_allclose(bigus.poses(bigus.read(self.folder / "spaced.igs.mha")), TRUTH, atol=1e-12)
         # Pictures in a folder: the same order as where the sequence reader takes them.
-        (self.folder / "frames").mkdir()
         names = ("a1b2.png", "a1b10.png", "a01b10.png", "a2.png", "a10.png", "a10-.png", "b.png")
-        raw = [zlib.compress(b"".join(b"\0" + row.tobytes() for row in image)) for image in IMAGES]
-        for name, data in zip(names, raw):
-            chunks = ((b"IHDR", struct.pack(">IIBBBBB", WIDTH, HEIGHT, 8, 0, 0, 0, 0)), (b"IDAT", data), (b"IEND", b""))
-            (self.folder / "frames" / name).write_bytes(b"\x89PNG\r\n\x1a\n" + b"".join(
-                struct.pack(">I", len(body)) + kind + body + struct.pack(">I", zlib.crc32(kind + body)) for kind, body in chunks))
+        self.write_pngs(names)
         self.write("pixels.csv", table(MATRIX_NAMES, TRUTH.reshape(-1, 16)))
         read = bigus.frames(bigus.read(self.folder / "pixels.csv", ImageFolder=str(self.folder / "frames")))
         order = [path.name for path in sources._in_natural_order((self.folder / "frames").iterdir())]
