@@ -581,13 +581,12 @@ TEST(Inspection, AWrongOrderWithoutTimesIsDoubted)
   for (const std::uint64_t seed : {1, 2, 3})
   {
     const Frames frames = PhantomFrames(seed);
-    std::vector<int> shuffled = From(0, 32), byLetters = From(0, 32), twoStrokes, turned = From(0, 32);
+    std::vector<int> shuffled = From(0, 32), twoStrokes, turned = From(0, 32);
     std::mt19937_64 random(seed);
     for (std::size_t k = 31; k > 0; --k)
     {
       std::swap(shuffled[k], shuffled[random() % (k + 1)]);
     }
-    std::sort(byLetters.begin(), byLetters.end(), [](int a, int b) { return std::to_string(a) < std::to_string(b); });
     std::reverse(turned.begin(), turned.end());
     for (const int stroke : {0, 1})  // every other frame there, the others on the way back
     {
@@ -597,7 +596,7 @@ TEST(Inspection, AWrongOrderWithoutTimesIsDoubted)
       }
     }
     for (const auto& [order, isWrong] :
-         {std::pair(shuffled, true), {byLetters, true}, {From(0, 32), false}, {twoStrokes, false}, {turned, false}})
+         {std::pair(shuffled, true), {From(0, 32), false}, {twoStrokes, false}, {turned, false}})
     {
       const InspectedSweep inspected = Inspect(Listed(frames, order));
       const bool isSaid = std::any_of(inspected.findings.begin(), inspected.findings.end(),

@@ -115,7 +115,7 @@ TEST(PoseDoubts, AProbeThatTurnsMovesAtItsCorners)
     }
     const auto doubts = DoubtsOfTurning(0, 0, axis, 0);  // an axis through pixel (0, 0): motors do that
     EXPECT_TRUE(doubts.empty()) << doubts[0];
-    ExpectOne(DoubtsOfTurning(0, -100, axis, 0, 1e-3), "metres");
+    ExpectOne(DoubtsOfTurning(-100, -100, axis, 0, 1e-3), "metres");
   }
 }
 

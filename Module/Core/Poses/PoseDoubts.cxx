@@ -199,12 +199,13 @@ std::vector<std::string> DoubtsAboutPoses(const Sweep& sweep, const std::vector<
   {
     doubts.push_back(doubt);
   }
-  if (largest > (1 + kScaled) * smallest)
+  const bool isInverse = 2 * inverted > frames;  // of which no more need be said
+  if (largest > (1 + kScaled) * smallest && !isInverse)
   {
     doubts.push_back("Pixels measure from " + Format("%.4g", smallest) + Format(" to %.4g mm", largest) +
                      ": the matrices of a sweep should have one scale.");
   }
-  if (sheared > 0 && 2 * inverted <= frames)  // of the wrong way round no more need be said
+  if (sheared > 0 && !isInverse)
   {
     doubts.push_back("The matrices of " + FramesOf(sheared, frames) + " shear the image: rows and columns meet at" +
                      Format(" %.1f degrees.", angle));
