@@ -333,9 +333,14 @@ void vtkBigusTrainer::Train(vtkInformationVector** inputs, vtkInformationVector*
   }
   const bigus::ImportedSweep imported = bigus::SweepFromImages(images);
   bigus::InspectedSweep inspected = bigus::Inspect(imported.sweep, options.keep, options.holdOut);
-  for (const bigus::Finding& finding : inspected.findings)
+  // Frames that teach nothing are one error below, and no warning beside it.
+  const bigus::Sweep& left = *inspected.sweep;
+  if (left.NumberOfFrames() > 1 && !bigus::LevelOf(left, bigus::AllFrames(left)))
   {
-    vtkWarningMacro(<< bigus::Describe(finding, imported.frames));
+    for (const bigus::Finding& finding : inspected.findings)
+    {
+      vtkWarningMacro(<< bigus::Describe(finding, imported.frames));
+    }
   }
   std::optional<bigus::GaussianField> start;
   if (vtkPolyData* initial = vtkPolyData::GetData(inputs[1]))

@@ -192,7 +192,7 @@ void CpuField<T>::SetReflectivities(const std::vector<T>& bySlot)
 template <class T>
 const std::vector<BlockPlace>& CpuField<T>::Groups()
 {
-  if (!std::exchange(groupsAreStale_, false))
+  if (!groupsAreStale_)
   {
     return groups_;
   }
@@ -217,6 +217,7 @@ const std::vector<BlockPlace>& CpuField<T>::Groups()
                       group.middle = MultiplyAdd(1.0, group.half, low);
                       groups_[g] = group;
                     });
+  groupsAreStale_ = false;  // not before: memory may run out above
   return groups_;
 }
 
