@@ -84,13 +84,9 @@ std::string Write(const std::string& name, const std::string& bytes)
 
 Said RunAsProgram(const std::function<command::ExitCode(command::Console&)>& job)
 {
-  static command::Console console = []
-  {
-    command::Console made;
-    made.json = true;
-    made.bar = command::Console::Bar::Never;
-    return made;
-  }();
+  static command::Console console;
+  console.json = true;
+  console.bar = command::Console::Bar::Never;
   command::CatchVtkMessages(console);
   command::ExitCode code;
   std::string out, messages;
