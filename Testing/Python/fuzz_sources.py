@@ -3,12 +3,16 @@
 """Damages images and poses of every kind that bigus.convert reads, at random, and reads them again.
 
     fuzz_sources.py [--executions 1500] [--seed 1]
+    fuzz_sources.py --guided FOLDER [--executions 1500] [--seed 1]
 
 Each damaged file must be read, or refused by SourceError in one line that names it (its folder, where a picture's size
-is another; the poses, where a cut video or list has fewer frames), within 10 s of the processor and 1 GB more memory than
+is another; the poses, where numbers of frames differ), within 10 s of the processor and 1 GB more memory than
 the program has at the start. What is damaged is bytes (changed, cut out, doubled, cut off) and numbers (replaced by such
 as 1e308, -1 and 2^63). A file that is answered otherwise is written to the working directory. Kinds whose package is not
 there are left out, and named. Sequences (.mha, .nrrd) have fuzz targets of their own.
+
+--guided lets libFuzzer (the package atheris) choose what is damaged, by the lines of ours that it reaches. FOLDER keeps the
+inputs that reached new ones: the number of the kind in a byte, then the file's bytes.
 """
 import argparse
 import io
@@ -26,7 +30,13 @@ import numpy as np
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 sys.path[:0] = [str(ROOT / "Module" / "Python" / "bigus"), str(ROOT / "Testing" / "Support")]
-import sources  # noqa: E402
+if "--guided" in sys.argv:
+    import atheris
+
+    with atheris.instrument_imports(include=["sources"]):
+        import sources
+else:
+    import sources  # noqa: E402
 from damage import damaged  # noqa: E402
 
 FRAMES, HEIGHT, WIDTH = 5, 6, 8
@@ -139,8 +149,7 @@ def answer(folder, file, damage=None):
     try:
         sources.load(images, trajectory, pixel_spacing=(0.2, 0.2))
     except sources.SourceError as error:
-        if images.name not in str(error) and path.name not in str(error) and "names frame" not in str(error):
-            # "names frame": of a video or a list that was cut, the poses are too many
+        if not any(name in str(error) for name in (path.name, images.name, trajectory.name)):
             return f"does not name the file: {error}"
     except Exception:
         return traceback.format_exc()
@@ -154,9 +163,9 @@ def main():
     options = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     options.add_argument("--executions", type=int, default=1500)
     options.add_argument("--seed", type=int, default=1)
+    options.add_argument("--guided", type=pathlib.Path, metavar="FOLDER")
     options = options.parse_args()
     warnings.simplefilter("ignore")
-    chance, faults = random.Random(options.seed), 0
     with tempfile.TemporaryDirectory() as name:
         folder = pathlib.Path(name)
         files, missing = images_of_every_kind(folder)
@@ -168,16 +177,43 @@ def main():
                 sys.exit(f"{file} is not read though it is sound: {wrong}")
         limit = sources_memory() + BYTES
         resource.setrlimit(resource.RLIMIT_AS, (limit, limit))
-        for file in itertools.islice(itertools.cycle(files), options.executions):
-            damage = damaged(files[file], chance)
-            if wrong := answer(folder, file, damage):
-                faults += 1
-                fault = f"fault-{faults}-{pathlib.Path(file).name}"
-                pathlib.Path(fault).write_bytes(damage)
-                print(f"{fault}: {wrong}")
+        if options.guided:
+            return guided(folder, files, options)
+        faults = at_random(folder, files, options)
     left_out = f"; left out: {', '.join(missing)}" if missing else ""
     print(f"{options.executions} damaged files of {len(files)} kinds, {faults} faults{left_out}")
     return 1 if faults else 0
+
+
+def at_random(folder, files, options):
+    """How many damaged files are answered otherwise than promised; each is written to the working directory."""
+    chance, faults = random.Random(options.seed), 0
+    for file in itertools.islice(itertools.cycle(files), options.executions):
+        damage = damaged(files[file], chance)
+        if wrong := answer(folder, file, damage):
+            faults += 1
+            fault = f"fault-{faults}-{pathlib.Path(file).name}"
+            pathlib.Path(fault).write_bytes(damage)
+            print(f"{fault}: {wrong}")
+    return faults
+
+
+def guided(folder, files, options):
+    """Does not return: libFuzzer ends the program, with an input in the working directory where one is a fault."""
+    import atheris
+
+    options.guided.mkdir(parents=True, exist_ok=True)
+    names = list(files)
+    for k, file in enumerate(names):
+        (options.guided / f"sound-{k}").write_bytes(bytes([k]) + files[file])
+
+    def once(data):
+        if wrong := data and answer(folder, names[data[0] % len(names)], data[1:]):
+            raise RuntimeError(wrong)
+
+    atheris.Setup([sys.argv[0], str(options.guided), f"-runs={options.executions}", f"-seed={options.seed}",
+                   f"-timeout={6 * SECONDS}", "-rss_limit_mb=0", "-max_len=65536", "-close_fd_mask=3"], once)
+    atheris.Fuzz()
 
 
 def sources_memory():
