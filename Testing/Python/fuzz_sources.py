@@ -200,8 +200,6 @@ def at_random(folder, files, options):
 
 def guided(folder, files, options):
     """Does not return: libFuzzer ends the program, with an input in the working directory where one is a fault."""
-    import atheris
-
     options.guided.mkdir(parents=True, exist_ok=True)
     names = list(files)
     for k, file in enumerate(names):
@@ -212,7 +210,7 @@ def guided(folder, files, options):
             raise RuntimeError(wrong)
 
     atheris.Setup([sys.argv[0], str(options.guided), f"-runs={options.executions}", f"-seed={options.seed}",
-                   f"-timeout={6 * SECONDS}", "-rss_limit_mb=0", "-max_len=65536", "-close_fd_mask=3"], once)
+                   f"-timeout={6 * SECONDS}", "-rss_limit_mb=0", "-max_len=65536"], once)
     atheris.Fuzz()
 
 

@@ -848,6 +848,8 @@ class ImagesOfEveryKind(InFolder):
 
         refused(self.dicom(PixelData=None), "PixelData is missing")
         refused(self.dicom(NumberOfFrames=1, PixelData=IMAGES[0].tobytes()), "NumberOfFrames is 1")
+        doubled = self.dicom(FrameTime=50.0, Rows=HEIGHT // 2)
+        refused(doubled, f"NumberOfFrames is {FRAMES}, but PixelData hold {2 * FRAMES} frames")
         refused(self.dicom(PhotometricInterpretation="PALETTE COLOR"), "PALETTE COLOR")
         whole = self.dicom().read_bytes()
         (self.folder / "cut.dcm").write_bytes(whole[:len(whole) - 700])

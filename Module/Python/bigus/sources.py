@@ -410,6 +410,8 @@ def _dicom(path: Path) -> Images:
     if frames < 2:
         raise SourceError(f"{path}: NumberOfFrames is {frames}; a multi-frame image is expected: give the pictures of single "
                           "frames as a folder instead")
+    if len(pixels) != frames:
+        raise SourceError(f"{path}: NumberOfFrames is {frames}, but PixelData hold {len(pixels)} frames; the file is damaged")
     colours = str(data.get("PhotometricInterpretation", "MONOCHROME2"))
     if samples == 3 and colours.startswith("YBR") and int(pydicom.__version__.split(".")[0]) < 3:  # later ones convert
         from pydicom.pixel_data_handlers.util import convert_color_space
