@@ -291,6 +291,10 @@ std::string CheckPose(const PoseOptions& options, const SequenceFile& file, Fram
   {
     return "a pose whose pixel steps span no plane or are not between 1e-6 and 1e6 mm";
   }
+  if (!plane.IsWithinReach())
+  {
+    return "a pose farther than 1e9 mm from the origin";
+  }
   frame.hasMadeAxis = MakeThirdAxis(pose, options.allowReflectedPoses);
   const double shear = std::abs(plane.columnStep.normalized().dot(plane.rowStep.normalized()));
   if (frame.hasMadeAxis && shear > std::sin(kMostSheared * kRadiansPerDegree))

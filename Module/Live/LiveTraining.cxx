@@ -216,7 +216,9 @@ bool LiveTraining::Add(LiveFrame frame)
   }
   const std::size_t kept = frames_.empty() ? options_.KeptFrames(frame.width, frame.height) : kept_;
   Require(std::isfinite(frame.timestamp), "Live frame: its time is not a finite number of seconds.");
-  SlicePlane::FromImageToReference(frame.imageToReference, frame.width, frame.height).Validate("live frame");
+  const SlicePlane plane = SlicePlane::FromImageToReference(frame.imageToReference, frame.width, frame.height);
+  plane.Validate("live frame");
+  Require(plane.IsWithinReach(), "live frame: it lies farther than 1e9 mm from the origin; is the pose in mm?");
   if ((!frames_.empty() && frame.timestamp <= lastTime_) || IsBlack(frame))
   {
     return false;

@@ -1155,6 +1155,7 @@ TEST(SequenceReader, RejectsFramesOneByOneAndSaysWhy)
       {"1e999 0 0 0 0 1 0 0 0 0 1 0 0 0 0 1", "not 16 numbers"},
       {"1e-9 0 0 0 0 1e-9 0 0 0 0 1e-9 0 0 0 0 1", "1e-6"},
       {"1e90 0 0 0 0 1e90 0 0 0 0 1e90 0 0 0 0 1", "1e6"},
+      {"1 0 0 0 0 1 0 0 0 0 1 -2e9 0 0 0 1", "farther than 1e9 mm"},
   };
   TemporaryFolder folder;
   for (const auto& [pose, reason] : cases)

@@ -391,6 +391,8 @@ TEST(Sweep, ValidationNamesWhatIsWrong)
   EXPECT_NE(broken([](Sweep& s) { s.mask = std::make_shared<std::vector<std::uint8_t>>(5); }).find("mask has 5"),
             std::string::npos);
   EXPECT_NE(broken([&](Sweep& s) { s.imageToReference[1](0, 3) = nan; }).find("frame 1"), std::string::npos);
+  EXPECT_NE(broken([](Sweep& s) { s.imageToReference[1](2, 3) = -2e9; }).find("frame 1: it lies farther than 1e9 mm"),
+            std::string::npos);
   EXPECT_NE(broken([](Sweep& s) { s.imageToReference[2].col(1) = 2 * s.imageToReference[2].col(0); }).find("frame 2"),
             std::string::npos);
   EXPECT_NE(broken([](Sweep& s) { s.imageToReference[0].col(0).setZero(); }).find("frame 0"), std::string::npos);

@@ -35,6 +35,22 @@ Eigen::Matrix3d SlicePlane::WorldToSlice() const
   return basis.inverse();
 }
 
+bool SlicePlane::IsWithinReach() const
+{
+  for (const double i : {0.0, width - 1.0})
+  {
+    for (const double j : {0.0, height - 1.0})
+    {
+      const Eigen::Vector3d corner = origin + i * columnStep + j * rowStep;
+      if (!(corner.cwiseAbs().maxCoeff() <= kFarthestFrame))
+      {
+        return false;
+      }
+    }
+  }
+  return true;
+}
+
 void SlicePlane::Validate(const std::string& what) const
 {
   Require(width >= 1 && height >= 1, what, ": the image is ", width, " x ", height,

@@ -44,6 +44,13 @@ struct SlicePlane
 
   std::size_t NumberOfPixels() const { return static_cast<std::size_t>(width) * height; }
 
+  /// How far along each axis pixels of a recorded frame may lie from the world's origin, mm: 1,000 km. Rounding moves them by
+  /// up to 1e-7 mm there, and Gaussians trained on them stay within GaussianField::kLargestCoordinate.
+  static constexpr double kFarthestFrame = 1e9;
+
+  /// Whether all its pixels lie as near as recorded frames must.
+  bool IsWithinReach() const;
+
   /// Throws Error, starting with `what` (for example "frame 12"), unless every number is finite, the steps span a plane
   /// (angle between them above 0.06 degrees) with sides from 1e-6 to 1e6 mm, and the size is positive.
   void Validate(const std::string& what) const;

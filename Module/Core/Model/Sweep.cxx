@@ -421,6 +421,7 @@ void Sweep::ValidateLayout() const
             ": the pose's last row is not 0 0 0 1, so it is not an affine transform to mm; is the "
             "matrix stored column by column?");
     Plane(frame).Validate(what);
+    Require(Plane(frame).IsWithinReach(), what, ": it lies farther than 1e9 mm from the origin; is the pose in mm?");
     Require(timestamps.empty() || std::isfinite(timestamps[frame]), what, ": the timestamp is not finite.");
   }
 }
