@@ -840,6 +840,54 @@ class ImagesOfEveryKind(InFolder):
         for text in (b"DOE", b"JANE", b"4711", b"1947", b"2024"):
             self.assertNotIn(text, header)
 
+    def test_claims_are_checked_before_packages_see_them(self):
+        """What a file of some bytes claims to hold, which a package would make room for."""
+        h5py = package("h5py")
+
+        def refused(path, part="more than [0-9]+ bytes can hold"):
+            with self.assertRaisesRegex(sources.SourceError, part) as caught:
+                self.load(path)
+            self.assertIn(path.name, str(caught.exception))
+
+        with h5py.File(self.folder / "empty.h5", "w") as file:
+            file.create_dataset("frames", (FRAMES, 30000, 30000), np.uint8, chunks=(1, 1000, 1000), compression="gzip")
+        refused(self.folder / "empty.h5")
+        refused(self.dicom(Rows=60000, Columns=60000))
+
+    def test_pictures_are_as_large_as_they_claim(self):
+        cv2 = package("cv2")
+        image = np.kron(IMAGES[0], np.ones((2, 2), np.uint8))
+        height, width = image.shape
+        folder = self.folder / "pictures"
+        folder.mkdir()
+        for kind, order in (("png", ">II"), ("jpg", ">HH"), ("bmp", "<ii"), ("tif", "<HH")):
+            with self.subTest(kind):
+                cv2.imwrite(str(folder / f"1.{kind}"), image)
+                whole = (folder / f"1.{kind}").read_bytes()
+                size = (height, width) if kind == "jpg" else (width, height)
+                np.testing.assert_allclose(sources._picture(folder / f"1.{kind}"), image, atol=255 if kind == "jpg" else 0)
+                if kind == "tif":  # tags of short numbers
+                    old = [struct.pack("<HHIHH", tag, 3, 1, side, 0) for tag, side in zip((256, 257), size)]
+                    new = [struct.pack("<HHIHH", tag, 3, 1, 65000, 0) for tag in (256, 257)]
+                else:
+                    old, new = [struct.pack(order, *size)], [struct.pack(order, 65000, 65000)]
+                for one, other in zip(old, new):
+                    self.assertEqual(whole.count(one), 1, one)
+                    whole = whole.replace(one, other)
+                (folder / f"1.{kind}").write_bytes(whole)
+                with self.assertRaisesRegex(sources.SourceError, f"1[.]{kind}.*can hold"):
+                    sources._picture(folder / f"1.{kind}")
+
+    def test_a_png_whose_chunk_claims_more_than_the_file_has(self):
+        cv2 = package("cv2")
+        cv2.imwrite(str(self.folder / "1.png"), IMAGES[0])
+        whole = (self.folder / "1.png").read_bytes()
+        at = whole.index(b"IDAT")
+        (self.folder / "1.png").write_bytes(whole[:at - 4] + struct.pack(">I", 500 << 20) + whole[at:])
+        with mock.patch.object(cv2, "imread") as read, self.assertRaisesRegex(sources.SourceError, "1[.]png: not a picture"):
+            sources._picture(self.folder / "1.png")
+        read.assert_not_called()
+
     def test_bad_dicom(self):
         def refused(path, part):
             with self.assertRaisesRegex(sources.SourceError, part) as caught:

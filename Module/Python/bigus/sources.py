@@ -12,9 +12,11 @@ import contextlib
 import csv
 import functools
 import importlib
+import math
 import os
 import pathlib
 import re
+import struct
 from typing import Any, Callable, Iterable, Iterator, NamedTuple, Optional, Sequence, Union
 from xml.etree import ElementTree
 
@@ -39,6 +41,7 @@ RIGID = 0.01  # how far R^T R of a tracker's pose may be off 1; single precision
 MOST_SHEARED = 10  # degrees that rows and columns may be off a right angle where no third column confirms them
 INTERPOLATED = "Poses were interpolated at the times of the frames."
 SMALLEST_PIXEL, LARGEST_PIXEL = 1e-3, 10.0  # mm
+MOST_DEFLATED = 1032  # bytes that a byte of zlib's can become; what else pictures are packed by stays below
 
 
 class SourceError(ValueError):
@@ -167,6 +170,13 @@ def as_pixels(array: np.ndarray, name: Path) -> np.ndarray:
                       "to 1 is expected")
 
 
+def _require_held(path: Path, claimed: int, held: int) -> None:
+    """Refuses pixels that cannot lie in so many bytes, before a package makes room for them."""
+    if claimed > MOST_DEFLATED * held:
+        raise SourceError(f"{path}: claims {claimed} bytes of pixels, more than {held} bytes can hold; it may be damaged: "
+                          "fetch it again")
+
+
 def _stored(name: str, shape: tuple, dataset: Sequence[str]) -> Optional[Stored]:
     """What an array may be by its shape, and by its name unless that is in dataset; None where it is neither."""
     group, slash, leaf = name.rpartition("/")
@@ -270,9 +280,18 @@ def _hdf5(path: Path, role: str, dataset: Sequence[str] = (), scan: Optional[str
         group = file[names[0]].parent
         beside = {name: np.asarray(group[name][()], float) for name in ("pixel_to_image", "spacing")
                   if isinstance(group.get(name), h5py.Dataset) and group[name].size <= 16}
+        for name in names:
+            _require_held(path, file[name].nbytes, _bytes_behind(file[name], pathlib.Path(path)))
         if one.is_stack:
             return file[one.name][_of_stack(path, one, scan)], beside
         return np.stack([file[name][()] for name in names]) if one.name in parts else file[one.name][()], beside
+
+
+def _bytes_behind(array: Any, path: pathlib.Path) -> int:
+    """Bytes of files that hold an array of HDF5; where none were written, it claims to be full of zeros."""
+    sources = {source.file_name for source in array.virtual_sources()} if array.is_virtual else set()
+    files = {path.parent / (path.name if name == "." else name) for name in sources}
+    return array.id.get_storage_size() + sum(os.path.getsize(file) for file in files if file.is_file())
 
 
 def _require_arrays(paths: Sequence[Path], dataset: Sequence[str]) -> None:
@@ -302,6 +321,8 @@ def _video(path: Path) -> Images:
         return _video_by_imageio(path)
     capture = cv2.VideoCapture(os.fspath(path))
     rate = capture.get(cv2.CAP_PROP_FPS)
+    pixels = max(0, int(capture.get(cv2.CAP_PROP_FRAME_WIDTH))) * max(0, int(capture.get(cv2.CAP_PROP_FRAME_HEIGHT)))
+    _require_held(path, pixels, os.path.getsize(path))
     frames, times = [], []
     while capture.isOpened():
         good, frame = capture.read()
@@ -333,8 +354,73 @@ def _video_by_imageio(path: Path) -> Images:
     return Images(np.stack(frames), np.arange(len(frames)) / rate if rate else None)
 
 
+def _claim_of_png(data: bytes) -> int:
+    at = 8
+    while at < len(data) and data[at + 4:at + 8] != b"IEND":  # room is made for a chunk before it is read
+        at += 12 + struct.unpack_from(">I", data, at)[0]
+        if at > len(data):
+            raise ValueError("a chunk is cut off")
+    width, height, bits, colours = struct.unpack_from(">IIBB", data, 16)
+    return height * (width * bits * {0: 1, 2: 3, 3: 1, 4: 2}.get(colours, 4) // 8)
+
+
+def _claim_of_jpeg(data: bytes) -> int:
+    at = 2
+    while True:  # from marker to marker; what lies between is passed over, as libjpeg does
+        at = data.index(b"\xff", at)
+        while data[at] == 0xFF:
+            at += 1
+        if 0xC0 <= data[at] <= 0xCF and data[at] not in (0xC4, 0xC8, 0xCC):
+            height, width, colours = struct.unpack_from(">HHB", data, at + 4)
+            return height * width * colours
+        if data[at] not in (0x00, 0x01, *range(0xD0, 0xD9)):  # these have no length
+            at += struct.unpack_from(">H", data, at + 1)[0]
+        at += 1
+
+
+def _claim_of_bmp(data: bytes) -> int:
+    is_old = struct.unpack_from("<I", data, 14)[0] == 12
+    width, height, _, bits = struct.unpack_from("<HHHH" if is_old else "<iiHH", data, 18)
+    return abs(height) * (abs(width) * bits // 8)
+
+
+def _claim_of_tiff(data: bytes) -> int:
+    order = "<" if data[:2] == b"II" else ">"
+    first, count, step, numbers = (8, "Q", 20, 12) if data[2:4] in (b"+\0", b"\0+") else (4, "H", 12, 8)
+    directory = struct.unpack_from(order + ("Q" if step == 20 else "I"), data, first)[0]
+    tags = {256: 0, 257: 0, 258: 1, 277: 1, 322: 0, 323: 0}  # width, height, bits, samples, width and height of a tile
+    for entry in range(struct.unpack_from(order + count, data, directory)[0]):
+        at = directory + struct.calcsize(count) + step * entry
+        tag, kind = struct.unpack_from(order + "HH", data, at)
+        if tag in tags:
+            several = struct.unpack_from(order + ("Q" if step == 20 else "I"), data, at + 4)[0]
+            size = {3: 2, 4: 4, 16: 8}.get(kind, 1)
+            if several * size > step - numbers:  # they lie elsewhere
+                at = struct.unpack_from(order + ("Q" if step == 20 else "I"), data, at + numbers)[0] - numbers
+            tags[tag] = struct.unpack_from(order + {3: "H", 4: "I", 16: "Q"}.get(kind, "B"), data, at + numbers)[0]
+    return max(tags[256] * tags[257], tags[322] * tags[323]) * tags[258] * tags[277] // 8
+
+
+CLAIMS = {b"\x89PNG\r\n\x1a\n\0\0\0\rIHDR": _claim_of_png, b"\xff\xd8": _claim_of_jpeg, b"BM": _claim_of_bmp,
+          b"II*\0": _claim_of_tiff, b"MM\0*": _claim_of_tiff, b"II+\0": _claim_of_tiff, b"MM\0+": _claim_of_tiff}
+
+
+def _require_picture(path: Path) -> None:
+    """That it is of a kind that is read, by its first bytes, and large enough for its pixels."""
+    data = pathlib.Path(path).read_bytes()
+    claimed = None
+    for beginning, claim in CLAIMS.items():
+        if data.startswith(beginning):
+            with contextlib.suppress(struct.error, ValueError, IndexError):  # it ends amid its header
+                claimed = claim(data)
+    if claimed is None:
+        raise SourceError(f"{path}: not a picture that can be read; PNG, JPEG, BMP and TIFF are")
+    _require_held(path, claimed, len(data))
+
+
 def _picture(path: Path) -> np.ndarray:
     """One picture, [height, width] or [height, width, 3 or 4] with red first."""
+    _require_picture(path)
     try:
         import cv2
 
@@ -404,6 +490,9 @@ def _dicom(path: Path) -> Images:
         data = pydicom.dcmread(os.fspath(path))
     if "PixelData" not in data:
         raise SourceError(f"{path}: PixelData is missing; a multi-frame image is expected")
+    with _refused(path, "its header cannot be read"):
+        size = (int(data.get(name, 1) or 1) for name in ("NumberOfFrames", "Rows", "Columns", "SamplesPerPixel", "BitsAllocated"))
+        _require_held(path, math.prod(size) // 8, len(data.PixelData))
     with _refused(path, "its pixels cannot be decoded", "install pylibjpeg or write it uncompressed, for example with gdcmconv --raw"):
         pixels = data.pixel_array  # of a compression whose codec may be missing
     frames, samples = int(data.get("NumberOfFrames", 1) or 1), int(data.get("SamplesPerPixel", 1))
