@@ -12,7 +12,6 @@
 from __future__ import annotations
 
 import argparse
-import inspect
 import re
 import sys
 import warnings
@@ -38,13 +37,13 @@ def parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="python3 -m bigus.convert", description=__doc__,
                                      formatter_class=argparse.RawDescriptionHelpFormatter)
     said = dict(re.findall(r"^    (\w+): (.*(?:\n        .*)*)", sources.from_files.__doc__ or "", re.MULTILINE))
-    for name, option in inspect.signature(sources.load).parameters.items():
-        usual = f" (default: {option.default})" if isinstance(option.default, (str, float)) else ""
+    for name, default in {"images": None, "poses": None, **sources.Reading._field_defaults}.items():
+        usual = f" (default: {default})" if isinstance(default, (str, float)) else ""
         text = " ".join(said[name].split()) + usual
         if name in ("images", "poses"):
             parser.add_argument(name, help=text, **WORDS[name])
         else:
-            default = list(option.default) if option.default == () else option.default
+            default = list(default) if default == () else default
             parser.add_argument("--" + name.replace("_", "-"), help=text, default=default, **WORDS[name])
     parser.add_argument("-o", "--output", required=True, help="sequence to write: .igs.mha")
     return parser

@@ -1201,34 +1201,86 @@ class Sweep(NamedTuple):
     notes: list  # what was decided or left out, a sentence each
 
 
-def load(images: Path, poses: Optional[Path] = None, calibration: Optional[Path] = None,
-         pixel_spacing: Optional[Sequence[float]] = None, origin_pixel: Sequence[float] = (0, 0), first_pixel: Optional[int] = None,
-         reference: Optional[Path] = None, units: str = "mm", quaternion: str = "xyzw", inverse: bool = False,
-         crop: Optional[Sequence[int]] = None, by_time: bool = False, time_offset: float = 0.0, longest_gap: float = 0.2,
-         dataset: Union[str, Sequence[str]] = (), scan: Optional[str] = None) -> Sweep:
+class Reading(NamedTuple):
+    """How files become a sweep; from_files says what each means."""
+
+    calibration: Optional[Path] = None
+    pixel_spacing: Optional[Sequence[float]] = None
+    origin_pixel: Sequence[float] = (0, 0)
+    first_pixel: Optional[int] = None
+    reference: Optional[Path] = None
+    units: str = "mm"
+    quaternion: str = "xyzw"
+    inverse: bool = False
+    crop: Optional[Sequence[int]] = None
+    by_time: bool = False
+    time_offset: float = 0.0
+    longest_gap: float = 0.2
+    dataset: Union[str, Sequence[str]] = ()
+    scan: Optional[str] = None
+
+    def checked(self, paths: Sequence[Path]) -> Reading:
+        if self.units not in MILLIMETRES:
+            raise ValueError(f"units is {self.units!r}; mm, cm or m is expected")
+        if self.quaternion not in ("xyzw", "wxyz"):
+            raise ValueError(f"quaternion is {self.quaternion!r}; xyzw or wxyz is expected")
+        if self.first_pixel not in (None, 0, 1):
+            raise ValueError(f"first_pixel is {self.first_pixel!r}; 0 or 1 is expected")
+        spacing = self.pixel_spacing
+        if spacing is not None and (len(spacing) != 2 or not all(SMALLEST_PIXEL <= side <= LARGEST_PIXEL for side in spacing)):
+            raise ValueError(f"pixel_spacing is {tuple(spacing)}; two lengths from {SMALLEST_PIXEL} to {LARGEST_PIXEL} mm, along "
+                             "i and j, are expected")
+        names = [name.strip("/") for name in ([self.dataset] if isinstance(self.dataset, str) else self.dataset or ()) if name]
+        if names:
+            _require_arrays(paths, names)
+        if self.scan is not None and not any(_suffix(path) in HDF5 for path in paths):
+            raise ValueError(f"scan is {self.scan!r}; only HDF5 files hold several")
+        return self._replace(dataset=names, scan=None if self.scan is None else str(self.scan))
+
+
+def load(images: Path, poses: Optional[Path] = None, **options: Any) -> Sweep:
     """See from_files."""
-    if units not in MILLIMETRES:
-        raise ValueError(f"units is {units!r}; mm, cm or m is expected")
-    if quaternion not in ("xyzw", "wxyz"):
-        raise ValueError(f"quaternion is {quaternion!r}; xyzw or wxyz is expected")
-    if first_pixel not in (None, 0, 1):
-        raise ValueError(f"first_pixel is {first_pixel!r}; 0 or 1 is expected")
-    notes = []
-    scan = None if scan is None else str(scan)
-    dataset = [name.strip("/") for name in ([dataset] if isinstance(dataset, str) else dataset or ())]
-    paths = [path for path in (images, poses) if path is not None]
-    if dataset:
-        _require_arrays(paths, dataset)
-    if scan is not None and not any(_suffix(path) in HDF5 for path in paths):
-        raise ValueError(f"scan is {scan!r}; only HDF5 files hold several")
-    frames = read_images(images, dataset, scan)
+    how = Reading(**options).checked([path for path in (images, poses) if path is not None])
+    notes: list = []
+    frames = read_images(images, how.dataset, how.scan)
     source = images if poses is None else poses
     if poses is None and _suffix(images) not in (".npz", *HDF5):
         raise SourceError(f"{images}: holds images only; give a file of poses, too")
-    tracked = read_poses(source, quaternion, dataset, scan)
-    tracked.matrices[:, :3, 3] *= MILLIMETRES[units]
-    if not inverse:  # of a probe all three axes count, so one that is turned round is an error
-        mended, made = _with_third_columns(tracked.matrices, calibration is None and pixel_spacing is None, source)
+    tracked, matrices = _tracked(source, frames, how, notes)
+    image, says_size = _image_to_probe(tracked, matrices, frames, how, source, notes)
+    matrices = matrices @ image
+    pixels = frames.pixels
+    if how.crop is None and frames.has_text:
+        notes.append("The file says that text is part of its pictures (BurnedInAnnotation); it may name a patient. --crop keeps "
+                     "what lies inside.")
+    if how.crop is not None:
+        pixels = _cropped(pixels, how.crop)
+        matrices = matrices @ _translation(how.crop[0], how.crop[1])
+    if how.reference is not None:
+        fixed = _placed(read_poses(how.reference, how.quaternion), frames, how.by_time, how.reference, notes)
+        fixed = _in_seconds(fixed, _stamps(frames, how), how.reference, notes)
+        fixed.matrices[:, :3, 3] *= MILLIMETRES[how.units]
+        _require_rigid(fixed, how.reference)
+        fixed = _of_each_frame(fixed, frames, how.time_offset, how.longest_gap, how.by_time, how.reference, notes)
+        matrices = np.stack([np.linalg.inv(a) @ b if np.isfinite(a).all() else a for a, b in zip(fixed, matrices)])
+    usable = _usable(matrices, source, notes)
+    _require_size(matrices[usable], says_size, source)
+    times = _times_of_frames(tracked, frames, usable, source, notes)
+    return Sweep(np.ascontiguousarray(pixels[usable]), np.ascontiguousarray(matrices[usable]),
+                 None if times is None else times[usable], notes)
+
+
+def _stamps(frames: Images, how: Reading) -> Optional[np.ndarray]:
+    """Times of the frames by the tracker's clock."""
+    return None if frames.times is None else frames.times + how.time_offset
+
+
+def _tracked(source: Path, frames: Images, how: Reading, notes: list) -> tuple:
+    """(what a file tells of poses, the pose of each frame)."""
+    tracked = read_poses(source, how.quaternion, how.dataset, how.scan)
+    tracked.matrices[:, :3, 3] *= MILLIMETRES[how.units]
+    if not how.inverse:  # of a probe all three axes count, so one that is turned round is an error
+        mended, made = _with_third_columns(tracked.matrices, how.calibration is None and how.pixel_spacing is None, source)
         tracked = tracked._replace(matrices=mended)
         if made:
             notes.append(f"The third column of {made} of {len(mended)} poses is zero or points the other way. A picture has "
@@ -1236,8 +1288,8 @@ def load(images: Path, poses: Optional[Path] = None, calibration: Optional[Path]
     elif np.any(np.abs(np.linalg.det(tracked.matrices[:, :3, :3])) < 1e-12):
         row = int(np.argmax(np.abs(np.linalg.det(tracked.matrices[:, :3, :3])) < 1e-12))
         raise SourceError(f"{source}: row {row}: the matrix is singular, so it cannot be inverted")
-    stamps = None if frames.times is None else frames.times + time_offset
-    tracked = _placed(tracked, frames, by_time, source, notes)
+    stamps = _stamps(frames, how)
+    tracked = _placed(tracked, frames, how.by_time, source, notes)
     tracked = _in_seconds(tracked, stamps, source, notes)
     if stamps is None and tracked.frames is None and tracked.times is not None and len(tracked.times) > len(frames.pixels):
         said: list = []
@@ -1245,58 +1297,49 @@ def load(images: Path, poses: Optional[Path] = None, calibration: Optional[Path]
         if len(rows) == len(frames.pixels):  # pictures without times, and a tracker that logs some readings twice
             tracked = tracked._replace(matrices=tracked.matrices[rows], times=tracked.times[rows])
             notes += said
-    matrices = _of_each_frame(tracked, frames, time_offset, longest_gap, by_time, source, notes)
-    if inverse:
+    matrices = _of_each_frame(tracked, frames, how.time_offset, how.longest_gap, how.by_time, source, notes)
+    if how.inverse:
         matrices = np.stack([np.linalg.inv(matrix) if np.isfinite(matrix).all() else matrix for matrix in matrices])
+    return tracked, matrices
 
-    # From a pixel to the probe.
-    image = np.eye(4)
-    spacing = pixel_spacing
-    is_placed = spacing is None and calibration is None and tracked.image is not None
+
+def _image_to_probe(tracked: Poses, matrices: np.ndarray, frames: Images, how: Reading, source: Path, notes: list) -> tuple:
+    """([4, 4] from a pixel to what the poses lead from, whether something but the poses says how large pixels are)."""
+    image, counts_from_one, spacing = np.eye(4), False, how.pixel_spacing
+    is_plain = spacing is None and how.calibration is None
+    is_placed = is_plain and tracked.image is not None
     if is_placed:
         image = tracked.image
-        _require_rigid(tracked, source)
         notes.append("pixel_to_image of the file says where pixels lie in the probe's image.")
-    if not is_placed and spacing is None and calibration is None and frames.spacing is not None and _is_rigid(matrices):
+    elif is_plain and frames.spacing is not None and _is_rigid(matrices):
         spacing = frames.spacing
         notes.append(f"Pixels are {spacing[0]:.4g} x {spacing[1]:.4g} mm, by the file of the images.")
     if spacing is not None:
-        if len(spacing) != 2 or not all(SMALLEST_PIXEL <= side <= LARGEST_PIXEL for side in spacing):
-            raise ValueError(f"pixel_spacing is {tuple(spacing)}; two lengths from {SMALLEST_PIXEL} to {LARGEST_PIXEL} mm, along "
-                             "i and j, are expected")
         image = np.diag([spacing[0], spacing[1], spacing[0], 1.0])
-    counts_from_one = False
-    if calibration is not None:
-        matrix, counts_from_one = read_calibration(calibration)
+    if how.calibration is not None:
+        matrix, counts_from_one = read_calibration(how.calibration)
         image = matrix @ image
-    if calibration is not None or spacing is not None:
+    says_size = is_placed or spacing is not None or how.calibration is not None
+    if says_size:
         _require_rigid(tracked, source)
-    counts_from_one = counts_from_one if first_pixel is None else bool(first_pixel)
+    if how.first_pixel is not None:
+        counts_from_one = bool(how.first_pixel)
     if counts_from_one:
         image = image @ _translation(1, 1)
         notes.append("The calibration counts pixels from 1; it was moved by one pixel.")
-    image = image @ _translation(-origin_pixel[0], -origin_pixel[1])
-    pixels = frames.pixels
-    if crop is None and frames.has_text:
-        notes.append("The file says that text is part of its pictures (BurnedInAnnotation); it may name a patient. --crop keeps "
-                     "what lies inside.")
-    if crop is not None:
-        left, top, width, height = crop
-        if min(crop) < 0 or min(width, height) < 1 or left + width > pixels.shape[2] or top + height > pixels.shape[1]:
-            raise ValueError(f"crop is {tuple(crop)} (column, row, columns, rows), but frames have {pixels.shape[2]} x "
-                             f"{pixels.shape[1]} pixels")
-        pixels = pixels[:, top:top + height, left:left + width]
-        image = image @ _translation(left, top)
+    return image @ _translation(-how.origin_pixel[0], -how.origin_pixel[1]), says_size
 
-    matrices = matrices @ image
-    if reference is not None:
-        fixed = _placed(read_poses(reference, quaternion), frames, by_time, reference, notes)
-        fixed = _in_seconds(fixed, stamps, reference, notes)
-        fixed.matrices[:, :3, 3] *= MILLIMETRES[units]
-        _require_rigid(fixed, reference)
-        fixed = _of_each_frame(fixed, frames, time_offset, longest_gap, by_time, reference, notes)
-        matrices = np.stack([np.linalg.inv(a) @ b if np.isfinite(a).all() else a for a, b in zip(fixed, matrices)])
 
+def _cropped(pixels: np.ndarray, crop: Sequence[int]) -> np.ndarray:
+    left, top, width, height = crop
+    if min(crop) < 0 or min(width, height) < 1 or left + width > pixels.shape[2] or top + height > pixels.shape[1]:
+        raise ValueError(f"crop is {tuple(crop)} (column, row, columns, rows), but frames have {pixels.shape[2]} x "
+                         f"{pixels.shape[1]} pixels")
+    return pixels[:, top:top + height, left:left + width]
+
+
+def _usable(matrices: np.ndarray, source: Path, notes: list) -> np.ndarray:
+    """Which frames have a pose."""
     usable = np.isfinite(matrices).all(axis=(1, 2))
     if not usable.any():
         raise SourceError(f"{source}: no frame has a pose; status, times or empty cells leave none")
@@ -1304,16 +1347,18 @@ def load(images: Path, poses: Optional[Path] = None, calibration: Optional[Path]
         lost = np.flatnonzero(~usable)
         notes.append(f"{len(lost)} of {len(usable)} frames have no pose and are left out: "
                      f"{', '.join(map(str, lost[:8]))}{', ...' if len(lost) > 8 else ''}.")
-    sides = np.linalg.norm(matrices[usable][:, :3, :2], axis=1)
-    if calibration is None and spacing is None and not is_placed and np.abs(sides - 1).max() < RIGID:
+    return usable
+
+
+def _require_size(matrices: np.ndarray, says_size: bool, source: Path) -> None:
+    """That something says how large pixels are, and that they may be of ultrasound."""
+    sides = np.linalg.norm(matrices[:, :3, :2], axis=1)
+    if not says_size and np.abs(sides - 1).max() < RIGID:
         raise SourceError(f"{source}: poses say nothing of a pixel's size; give a calibration or the pixel spacing (1 1 where "
                           "pixels are 1 mm)")
     if sides.min() < SMALLEST_PIXEL or sides.max() > LARGEST_PIXEL:
         raise SourceError(f"{source}: pixels would be {sides.min():.3g} to {sides.max():.3g} mm; {SMALLEST_PIXEL} to "
                           f"{LARGEST_PIXEL} mm is expected. Is the unit of the poses or the calibration another?")
-    times = _times_of_frames(tracked, frames, usable, source, notes)
-    return Sweep(np.ascontiguousarray(pixels[usable]), np.ascontiguousarray(matrices[usable]),
-                 None if times is None else times[usable], notes)
 
 
 def _is_rigid(matrices: np.ndarray) -> bool:
