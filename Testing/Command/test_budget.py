@@ -6,7 +6,8 @@
     test_budget.py PATH_TO_BIGUS [unittest arguments]
 
 Each command runs on an input and on one ten times as large: ten times the frames, the pixels or the Gaussians. Time is
-the processor's. In proportion means less than 25 times as long, and a quarter of a second for the caprice of a busy
+the processor's. Rows that are printed: the command, what is larger, seconds of both, MB of both and how many are allowed. In
+proportion means less than 25 times as long, and a quarter of a second for the caprice of a busy
 machine; what takes the square of the size takes 100 times as long.
 """
 import os
@@ -75,11 +76,16 @@ class Budget(unittest.TestCase):
 
     def compare(self, inputs, larger, make, one="one", further=0):
         """`make` gives the arguments for an input; what it writes lies in self.folder. further: bytes that are allowed."""
-        seconds = {}
+        seconds, memory, allowed = {}, {}, {}
         for name in (one, larger):
             path = inputs[name]
-            seconds[name], memory = cost(*make(path))
-            self.assertLess(memory, 64 * MEGABYTE + 40 * path.stat().st_size + further, f"{make(path)}")
+            seconds[name], memory[name] = cost(*make(path))
+            allowed[name] = 64 * MEGABYTE + 40 * path.stat().st_size + further
+        print(f"| `{make(path)[0]}` | {larger} | {seconds[one]:.2f} | {seconds[larger]:.2f} "
+              f"| {memory[one] / MEGABYTE:.0f} of {allowed[one] / MEGABYTE:.0f} "
+              f"| {memory[larger] / MEGABYTE:.0f} of {allowed[larger] / MEGABYTE:.0f} |")
+        for name in (one, larger):
+            self.assertLess(memory[name], allowed[name], f"{make(inputs[name])}")
         self.assertLess(seconds[larger], LONGER * seconds[one] + CAPRICE, f"{make(path)}: {seconds}")
 
     def test_sequences(self):

@@ -7,9 +7,9 @@
 
 Each damaged file must be read, or refused by SourceError in one line that names it (its folder, where a picture's size
 is another; the poses, where numbers of frames differ), within 10 s of the processor and 64 MB more memory than
-the program has after the sound ones, 4 GB of addresses. What is damaged is bytes (changed, cut out, doubled, cut off) and numbers (replaced by such
-as 1e308, -1 and 2^63). A file that is answered otherwise is written to the working directory. Kinds whose package is not
-there are left out, and named. Sequences (.mha, .nrrd) have fuzz targets of their own.
+the program had before, 4 GB of addresses. What is damaged is bytes (changed, cut out, doubled, cut off) and numbers
+(replaced by such as 1e308, -1 and 2^63). A file that is answered otherwise is written to the working directory. Kinds whose
+package is not there are left out, and named. Sequences (.mha, .nrrd) have fuzz targets of their own.
 
 --guided lets libFuzzer (the package atheris) choose what is damaged, by the lines of ours that it reaches. FOLDER keeps the
 inputs that reached new ones: the number of the kind in a byte, then the file's bytes.
@@ -145,7 +145,8 @@ def answer(folder, file, damage=None):
     images, trajectory = (folder / "images.npy", path) if file in poses_of_every_kind() else (path, folder / "poses.csv")
     if "/" in file:  # a picture amid others
         images = path.parent
-    start = time.process_time()
+    pathlib.Path("/proc/self/clear_refs").write_text("5")  # the most memory is that from now on
+    start, before = time.process_time(), most_memory()
     try:
         sources.load(images, trajectory, pixel_spacing=(0.2, 0.2))
     except sources.SourceError as error:
@@ -155,14 +156,10 @@ def answer(folder, file, damage=None):
         return traceback.format_exc()
     finally:
         path.write_bytes(sound)
-    seconds, memory = time.process_time() - start, most_memory() - answer.memory
-    if damage is not None and memory > BYTES:
-        pathlib.Path("/proc/self/clear_refs").write_text("5")  # the most that it had is counted anew
+    seconds, memory = time.process_time() - start, most_memory() - before
+    if damage is not None and memory > BYTES:  # reading the first sound one imports its package
         return f"took {memory >> 20} MB"
     return f"took {seconds:.1f} s" if seconds > SECONDS else ""
-
-
-answer.memory = 0  # bytes, before any is damaged
 
 
 def main():
@@ -181,7 +178,6 @@ def main():
         for file in files:
             if wrong := answer(folder, file):
                 sys.exit(f"{file} is not read though it is sound: {wrong}")
-        answer.memory = most_memory()
         resource.setrlimit(resource.RLIMIT_AS, (ADDRESSES, ADDRESSES))
         if options.guided:
             return guided(folder, files, options)
@@ -221,7 +217,7 @@ def guided(folder, files, options):
 
 
 def most_memory():
-    """The most bytes that the program has had so far."""
+    """The most bytes of memory that the program has had."""
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss << 10
 
 
