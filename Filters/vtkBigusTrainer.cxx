@@ -101,6 +101,27 @@ std::string ToText(vtkIntArray* list)
   return bigus::FrameListText({list->GetPointer(0), list->GetPointer(0) + list->GetNumberOfValues()});
 }
 
+/// What an inspection found. Frames that teach nothing are an error of the training, and no warning beside it.
+std::vector<bigus::Finding> FindingsToTell(const bigus::InspectedSweep& inspected)
+{
+  const bigus::Sweep& left = *inspected.sweep;
+  const bool teaches = left.NumberOfFrames() > 1 && !bigus::LevelOf(left, bigus::AllFrames(left));
+  return teaches ? inspected.findings : std::vector<bigus::Finding>();
+}
+
+/// Other lines of the sweeps stay behind, because nobody knows what they tell of a patient.
+void AddProvenanceOfPoses(const std::vector<vtkImageData*>& images, std::vector<std::string>& provenance)
+{
+  for (std::size_t k = 0; k < images.size(); ++k)
+  {
+    if (const std::string poses = bigus::GetProvenance(images[k], "sweep.poses"); !poses.empty())
+    {
+      const std::string number = images.size() > 1 ? ".sequence" + std::to_string(k + 1) : "";
+      bigus::SetProvenanceLine(provenance, "sweep.poses" + number, poses);
+    }
+  }
+}
+
 }  // namespace
 
 vtkBigusTrainer::vtkBigusTrainer()
@@ -333,14 +354,9 @@ void vtkBigusTrainer::Train(vtkInformationVector** inputs, vtkInformationVector*
   }
   const bigus::ImportedSweep imported = bigus::SweepFromImages(images);
   bigus::InspectedSweep inspected = bigus::Inspect(imported.sweep, options.keep, options.holdOut);
-  // Frames that teach nothing are one error below, and no warning beside it.
-  const bigus::Sweep& left = *inspected.sweep;
-  if (left.NumberOfFrames() > 1 && !bigus::LevelOf(left, bigus::AllFrames(left)))
+  for (const bigus::Finding& finding : FindingsToTell(inspected))
   {
-    for (const bigus::Finding& finding : inspected.findings)
-    {
-      vtkWarningMacro(<< bigus::Describe(finding, imported.frames));
-    }
+    vtkWarningMacro(<< bigus::Describe(finding, imported.frames));
   }
   std::optional<bigus::GaussianField> start;
   if (vtkPolyData* initial = vtkPolyData::GetData(inputs[1]))
@@ -384,15 +400,7 @@ void vtkBigusTrainer::Train(vtkInformationVector** inputs, vtkInformationVector*
     bigus::ViewToPolyData(*result.view, output);
   }
   std::vector<std::string> provenance = {"filter=vtkBigusTrainer"};
-  // Other lines of the sweep stay behind, because nobody knows what they tell of a patient.
-  for (std::size_t k = 0; k < images.size(); ++k)
-  {
-    if (const std::string poses = bigus::GetProvenance(images[k], "sweep.poses"); !poses.empty())
-    {
-      const std::string number = images.size() > 1 ? ".sequence" + std::to_string(k + 1) : "";
-      bigus::SetProvenanceLine(provenance, "sweep.poses" + number, poses);
-    }
-  }
+  AddProvenanceOfPoses(images, provenance);
   bigus::AddTrainingProvenance(provenance, result, *imported.sweep, start.has_value());
   bigus::SetProvenanceLine(provenance, "trainingFrames", ToText(this->TrainingFrames));
   bigus::SetProvenanceLine(provenance, "validationFrames", ToText(this->ValidationFrames));

@@ -66,26 +66,9 @@ VolumeGrid GridOf(const MarkupBox& box, double spacing, int most)
   return grid;
 }
 
-ExitCode Voxelize(Console& console, const VoxelizeOptions& options)
+/// The grid that options ask for, or as much of it as they say.
+void SetGrid(vtkBigusVoxelizer* voxelizer, const VoxelizeOptions& options)
 {
-  RequireVolumeName(options.output);
-  RequireDistinct({options.render.field, options.like, options.region}, {options.output, options.standardError});
-  RequireWritable(options.output);
-  if (!options.standardError.empty())
-  {
-    RequireVolumeName(options.standardError);
-    RequireWritable(options.standardError);
-  }
-  const vtkSmartPointer<vtkPolyData> field = ReadFieldData(options.render.field, console);
-
-  if (!options.standardError.empty())
-  {
-    RequireStandardError(field, options.render);
-  }
-  vtkNew<vtkBigusVoxelizer> voxelizer;
-  Configure(voxelizer, field, options.render);
-  voxelizer->SetElevationSigma(options.elevationSigma);
-  voxelizer->SetGenerateStandardErrorOutput(!options.standardError.empty());
   if (options.spacing > 0)
   {
     voxelizer->SetOutputSpacing(options.spacing, options.spacing, options.spacing);
@@ -109,6 +92,29 @@ ExitCode Voxelize(Console& console, const VoxelizeOptions& options)
     SetGrid(voxelizer, GridOf(ReadMarkupBox(options.region, options.world == WorldSystem::Lps), options.spacing,
                               voxelizer->GetMaximumDimension()));
   }
+}
+
+ExitCode Voxelize(Console& console, const VoxelizeOptions& options)
+{
+  RequireVolumeName(options.output);
+  RequireDistinct({options.render.field, options.like, options.region}, {options.output, options.standardError});
+  RequireWritable(options.output);
+  if (!options.standardError.empty())
+  {
+    RequireVolumeName(options.standardError);
+    RequireWritable(options.standardError);
+  }
+  const vtkSmartPointer<vtkPolyData> field = ReadFieldData(options.render.field, console);
+
+  if (!options.standardError.empty())
+  {
+    RequireStandardError(field, options.render);
+  }
+  vtkNew<vtkBigusVoxelizer> voxelizer;
+  Configure(voxelizer, field, options.render);
+  voxelizer->SetElevationSigma(options.elevationSigma);
+  voxelizer->SetGenerateStandardErrorOutput(!options.standardError.empty());
+  SetGrid(voxelizer, options);
   const auto start = std::chrono::steady_clock::now();
   Update(voxelizer, console, "Sampling");
   const double seconds = SecondsSince(start);

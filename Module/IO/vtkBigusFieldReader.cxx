@@ -62,6 +62,40 @@ void ReadWithVtk(const std::string& fileName, vtkPolyData* polyData)
   polyData->ShallowCopy(reader->GetOutput());
 }
 
+void ToPolyData(const bigus::StoredField& stored, vtkPolyData* output)
+{
+  bigus::FieldToPolyData(stored.field, output);
+  if (stored.view)
+  {
+    bigus::ViewToPolyData(*stored.view, output);
+  }
+  if (stored.labels)
+  {
+    bigus::LabelsToPolyData(*stored.labels, output);
+  }
+  bigus::ReplaceProvenance(output, stored.provenance);
+  bigus::ReplaceStandardError(output, stored.standardError);
+  if (stored.chunks)
+  {
+    bigus::WriteChunks(*stored.chunks, output);
+  }
+}
+
+/// Leaves only the Gaussians of a piece in a whole field.
+void KeepPart(const bigus::FieldPiece& piece, vtkPolyData* output)
+{
+  const std::vector<std::string> provenance = bigus::ProvenanceOf(output);
+  bigus::FieldChunks chunks = bigus::ChunksOfPiece(piece.chunks, piece.piece, piece.pieces);
+  const std::optional<bigus::ViewDependence> view = bigus::ViewFromPolyData(output);
+  bigus::FieldToPolyData(bigus::PartOf(bigus::FieldFromPolyData(output), chunks), output);
+  if (view)
+  {
+    bigus::ViewToPolyData(bigus::PartOf(*view, chunks), output);
+  }
+  bigus::ReplaceProvenance(output, provenance);
+  bigus::WriteChunks(chunks, output);
+}
+
 }  // namespace
 
 vtkBigusFieldReader::vtkBigusFieldReader() : FileName(nullptr), NumberOfChunks(bigus::FieldChunks::kUsual)
@@ -122,21 +156,7 @@ int vtkBigusFieldReader::RequestData(vtkInformation*, vtkInformationVector**, vt
     };
     if (const auto stored = bigus::ReadField(fileName, piece, foreign))
     {
-      bigus::FieldToPolyData(stored->field, output);
-      if (stored->view)
-      {
-        bigus::ViewToPolyData(*stored->view, output);
-      }
-      if (stored->labels)
-      {
-        bigus::LabelsToPolyData(*stored->labels, output);
-      }
-      bigus::ReplaceProvenance(output, stored->provenance);
-      bigus::ReplaceStandardError(output, stored->standardError);
-      if (stored->chunks)
-      {
-        bigus::WriteChunks(*stored->chunks, output);
-      }
+      ToPolyData(*stored, output);
       return 1;
     }
     ReadWithVtk(fileName, output);
@@ -146,16 +166,7 @@ int vtkBigusFieldReader::RequestData(vtkInformation*, vtkInformationVector**, vt
       bigus::ShareField(output, output);
       if (piece.pieces > 1)
       {
-        const std::vector<std::string> provenance = bigus::ProvenanceOf(output);
-        bigus::FieldChunks chunks = bigus::ChunksOfPiece(piece.chunks, piece.piece, piece.pieces);
-        const std::optional<bigus::ViewDependence> view = bigus::ViewFromPolyData(output);
-        bigus::FieldToPolyData(bigus::PartOf(bigus::FieldFromPolyData(output), chunks), output);
-        if (view)
-        {
-          bigus::ViewToPolyData(bigus::PartOf(*view, chunks), output);
-        }
-        bigus::ReplaceProvenance(output, provenance);
-        bigus::WriteChunks(chunks, output);
+        KeepPart(piece, output);
       }
       bigus::ReplaceStandardError(output, standardError);
     }

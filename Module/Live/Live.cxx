@@ -159,26 +159,19 @@ LiveResult Finish(double seconds, LiveSession& session, SliceServer& slices, Liv
   return finished.get();
 }
 
-ExitCode Live(Console& console, Options options)
+/// That outputs can be written, and that what is followed takes what is asked for.
+void RequireOptions(const Options& options, bool isServer, bool isReplayed)
 {
-  RequireDistinct({options.source.sequence.path, options.source.sequence.chain.config},
-                  {options.output, options.status});
+  const SequenceOptions& sequence = options.source.sequence;
+  RequireDistinct({sequence.path, sequence.chain.config}, {options.output, options.status});
   RequireWritable(options.output);
   if (!options.status.empty())
   {
     RequireWritable(options.status);
   }
   RequireFieldName(options.output);
-  options.live.memory = options.memory > 0 ? options.memory * 1e9 : options.live.memory;
-  options.live.training.engine = options.engine;
-  options.live.training.seed = static_cast<std::uint64_t>(options.seed);
-  const std::string& path = options.source.sequence.path;
-  const bool isServer = IgtAddress::IsOne(path), isReplayed = !isServer && !options.follow;
-  std::shared_ptr<const Sweep> sweep;
-  std::vector<int> frames, heldOut;
   Require(isReplayed || options.holdOut <= 0,
           "--hold-out needs a sequence that is replayed; frames that arrive are all followed.");
-  const SequenceOptions& sequence = options.source.sequence;
   if (!isReplayed && (sequence.reduce > 1 || !sequence.clipRectangle.empty() || !sequence.clipFan.empty()))
   {
     throw Error(
@@ -187,12 +180,50 @@ ExitCode Live(Console& console, Options options)
   }
   if (isServer)
   {
-    IgtAddress::Parse(path);
+    IgtAddress::Parse(sequence.path);
   }
   else
   {
-    RequireFile(path);
+    RequireFile(sequence.path);
   }
+}
+
+/// Writes the finished field, with what the command knows of its making.
+void WriteField(const LiveResult& result, const Options& options, Console& console)
+{
+  vtkNew<vtkPolyData> output;
+  FieldToPolyData(result.training.field, output);
+  std::vector<std::string> provenance;
+  AddTrainingProvenance(provenance, result.training, *result.sweep, false);
+  ReplaceProvenance(output, provenance);
+  SetProvenance(output, "program", std::string("bigus ") + BIGUS_VERSION);
+  SetProvenance(output, "world", options.source.sequence.chain.to);
+  WriteFieldData(output, options.output, true, console);
+}
+
+void PrintSummary(const LiveResult& result, const LiveSession::State& state, const LiveEvents& events, double followed,
+                  const Options& options, Console& console)
+{
+  console.Print(options.output + ": " + std::to_string(result.training.field.Size()) + " Gaussians");
+  console.Print("  frames    " + std::to_string(state.frames) + " in " + FormatNumber(followed, 1) + " s; " +
+                std::to_string(state.passedOver) + " passed over, " + std::to_string(state.dropped) + " dropped, " +
+                std::to_string(state.refused + events.refused) + " refused" +
+                (events.reconnects > 0 ? "; connected again " + std::to_string(events.reconnects) + " times" : ""));
+  console.Print("  steps     " + std::to_string(state.steps) + " while frames came, " +
+                std::to_string(result.training.iterations) + " in " + FormatNumber(result.training.seconds, 1) +
+                " s afterwards");
+}
+
+ExitCode Live(Console& console, Options options)
+{
+  options.live.memory = options.memory > 0 ? options.memory * 1e9 : options.live.memory;
+  options.live.training.engine = options.engine;
+  options.live.training.seed = static_cast<std::uint64_t>(options.seed);
+  const std::string& path = options.source.sequence.path;
+  const bool isServer = IgtAddress::IsOne(path), isReplayed = !isServer && !options.follow;
+  RequireOptions(options, isServer, isReplayed);
+  std::shared_ptr<const Sweep> sweep;
+  std::vector<int> frames, heldOut;
   if (isReplayed)
   {
     sweep = ReadSweep(options.source.sequence, console);
@@ -235,25 +266,11 @@ ExitCode Live(Console& console, Options options)
   {
     console.Note("bigus: warning: " + Describe(finding, numbers));
   }
-  vtkNew<vtkPolyData> output;
   const GaussianField& field = result.training.field;
-  FieldToPolyData(field, output);
-  std::vector<std::string> provenance;
-  AddTrainingProvenance(provenance, result.training, *result.sweep, false);
-  ReplaceProvenance(output, provenance);
-  SetProvenance(output, "program", std::string("bigus ") + BIGUS_VERSION);
-  SetProvenance(output, "world", options.source.sequence.chain.to);
-  WriteFieldData(output, options.output, true, console);
+  WriteField(result, options, console);
   status.Tell("ended", events, 1);
 
-  console.Print(options.output + ": " + std::to_string(field.Size()) + " Gaussians");
-  console.Print("  frames    " + std::to_string(state.frames) + " in " + FormatNumber(followed, 1) + " s; " +
-                std::to_string(state.passedOver) + " passed over, " + std::to_string(state.dropped) + " dropped, " +
-                std::to_string(state.refused + events.refused) + " refused" +
-                (events.reconnects > 0 ? "; connected again " + std::to_string(events.reconnects) + " times" : ""));
-  console.Print("  steps     " + std::to_string(state.steps) + " while frames came, " +
-                std::to_string(result.training.iterations) + " in " + FormatNumber(result.training.seconds, 1) +
-                " s afterwards");
+  PrintSummary(result, state, events, followed, options, console);
   console.Print("  slices    came in " + looker.Text());
   const Sweep lit = sweep ? sweep->LitBy(frames) : Sweep();
   const Json atLift =
