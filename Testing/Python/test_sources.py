@@ -154,6 +154,32 @@ class PosesOfEveryKind(InFolder):
         rows = np.concatenate([1000 * TIMES[:, None], flat], axis=1)
         self.check(self.load(self.write("ms.csv", "\ufeff" + table(("time_ms", *MATRIX_NAMES), rows))), times=TIMES)
 
+    def test_titles_of_other_programs(self):
+        rows = np.concatenate([TIMES[:, None], POSES[:, :3, 3], QUATERNIONS], axis=1)
+        axes = [f"{what}{{}}{axis}" for what, some in (("position", "xyz"), ("orientation", "xyzw")) for axis in some]
+        ros = ["%time", *("field.pose." + axis.format(".") for axis in axes)]
+        plotted = ["__time", *("/probe/pose/" + axis.format("/") for axis in axes)]
+        unity = ["time", "pos_x", "pos_y", "pos_z", "rot_x", "rot_y", "rot_z", "rot_w"]
+        for titles in (ros, plotted, unity):
+            self.check(self.load(self.write("other.csv", table(titles, rows))), times=TIMES)
+        w_first = np.concatenate([TIMES[:, None], QUATERNIONS[:, 3:], QUATERNIONS[:, :3], POSES[:, :3, 3]], axis=1)
+        ndi = ("time", "Q0", "Qx", "Qy", "Qz", "Tx", "Ty", "Tz")
+        self.check(self.load(self.write("ndi.csv", table(ndi, w_first))), times=TIMES)
+        header = ["field.header.seq", "field.header.frame_id"]
+        named = np.concatenate([np.full((FRAMES, 2), 7), rows], axis=1)
+        self.check(self.load(self.write("ros.csv", table(header + ros, named))), times=TIMES)
+        with self.assertRaisesRegex(sources.SourceError, "two.csv: has columns of 2 poses, a.pose, field.pose; keep"):
+            both = np.concatenate([rows, rows[:, 1:]], axis=1)
+            self.load(self.write("two.csv", table(["time", *(t.replace("field", "a") for t in ros[1:]), *ros[1:]], both)))
+
+    def test_tables_in_utf_16(self):
+        rows = np.concatenate([TIMES[:, None], POSES.reshape(-1, 16)], axis=1)
+        text = table(("time", *MATRIX_NAMES), rows, "\t")
+        for encoding in ("utf-16", "utf-16-be"):  # the first with its mark, as spreadsheets write it
+            path = self.folder / "unicode.txt"
+            path.write_bytes((b"" if encoding == "utf-16" else b"\xfe\xff") + text.encode(encoding))
+            self.check(self.load(path), times=TIMES)
+
     def test_decimal_commas(self):
         """As spreadsheets write them where a comma is the sign of decimals."""
         rows = np.concatenate([TIMES[:, None], POSES[:, :3, 3], QUATERNIONS], axis=1)
@@ -1008,7 +1034,7 @@ class BadFiles(InFolder):
         for name in ("missing.png", "/dev/zero", "a" * 5000):  # a device need not end, and no file has so long a name
             self.write("list.txt", f"# nothing\n{name}\n")
             self.refused("list.txt: line 2 names", "list.txt")
-        (self.folder / "binary.txt").write_bytes(b"\xff\xfe\x00\x01")
+        (self.folder / "binary.txt").write_bytes(b"\xfd\xff\x00\x01")
         self.refused("not text", "binary.txt")
 
     def test_images_that_need_a_package(self):
@@ -1089,7 +1115,7 @@ class BadFiles(InFolder):
             with self.subTest(part):
                 self.write("bad.csv", text)
                 self.refused(part, poses="bad.csv")
-        (self.folder / "bad.csv").write_bytes(b"\xff\xfe\x00\x01")
+        (self.folder / "bad.csv").write_bytes(b"\xfd\xff\x00\x01")
         self.refused("not text", poses="bad.csv")
         self.refused("no such file", poses="none.csv")
         for name, array in (("shape", POSES[:, :2]), ("words", np.array(["a"])), ("none", POSES[:0])):

@@ -470,7 +470,7 @@ def _folder(path: pathlib.Path) -> Images:
 def _list_of_frames(path: pathlib.Path) -> Images:
     """A text file with the name of a picture a line, relative to the file."""
     try:
-        lines = path.read_text(encoding="utf-8-sig").splitlines()
+        lines = _decoded(path).splitlines()
     except UnicodeDecodeError:
         raise SourceError(f"{path}: not text; a list has the name of a picture a line") from None
     pictures = []
@@ -606,7 +606,8 @@ def _matrices_of(rows: np.ndarray, name: Path, order: str) -> np.ndarray:
 
 
 TRANSLATION = [{f"{prefix}{axis}" for prefix in ("", "t", "p", "pos", "position", "translation")} for axis in "xyz"]
-QUATERNION = [{f"{prefix}{axis}" for prefix in ("q", "quat", "quaternion", "orientation")} for axis in "xyzw"]
+QUATERNION = [{f"{prefix}{axis}" for prefix in ("q", "quat", "quaternion", "orientation", "rot", "rotation")} for axis in "xyzw"]
+QUATERNION[3].add("q0")  # of NDI, beside qx, qy and qz
 MATRIX = [{f"m{row}{column}"} for row in range(4) for column in range(4)]
 UNITS = {1.0: "seconds", 1e-3: "milliseconds", 1e-6: "microseconds", 1e-9: "nanoseconds"}
 # The name of a column of times, and of its unit; an "s" alone may make the plural of it.
@@ -678,6 +679,25 @@ def _pose_columns(names: Sequence[str]) -> Optional[list]:
     return next((found for found in (matrix, matrix[:12], pose) if None not in found), None)
 
 
+def _names_of(titles: Sequence[str], path: Path) -> list:
+    """Titles as they are compared. Of a path (field.pose.position.x of ROS, /probe/pose/position/x) its last two words count,
+    where they are a pose; one pose of a table at the most."""
+    names = list(map(_plain, titles))
+    if _pose_columns(names):
+        return names
+    ends: dict = {}  # by what stands before them
+    for column, title in enumerate(titles):
+        words = re.split("[./]", title)
+        if len(words) > 1:
+            ends.setdefault(".".join(words[:-2]), {})[column] = _plain("".join(words[-2:]))
+    poses = {start: named for start, named in ends.items() if _pose_columns(list(named.values()))}
+    if len(poses) > 1:
+        raise SourceError(f"{path}: has columns of {len(poses)} poses, {_listed(list(poses))}; keep those of one")
+    for named in poses.values():
+        names = [named.get(column, name) for column, name in enumerate(names)]
+    return names
+
+
 def _is_comment(line: str) -> bool:
     return line.lstrip().startswith("#") and not NO_NUMBER.match(line)
 
@@ -687,7 +707,7 @@ class _Table:
 
     def __init__(self, path: Path) -> None:
         try:
-            text = pathlib.Path(path).read_text(encoding="utf-8-sig")
+            text = _decoded(path)
         except UnicodeDecodeError:
             raise SourceError(f"{path}: not text; a table of poses is expected") from None
         self.path = path
@@ -709,7 +729,7 @@ class _Table:
         """Of the first line that names a pose, also one that begins with # as numpy's; else of the first with two words."""
         for at, (header, line) in enumerate(lines[:MOST_TITLES]):
             self.titles = _cells(line.lstrip("# \t") if _is_comment(line) else line, self.separator, self.path, header)
-            self.names = list(map(_plain, self.titles))
+            self.names = _names_of(self.titles, self.path)
             if _pose_columns(self.names):
                 for k, title in lines[:at]:
                     if not _is_comment(title):
@@ -721,7 +741,7 @@ class _Table:
         else:
             self.first, line = rows[0]
             self.titles = _cells(line, self.separator, self.path, self.first)
-            self.names = list(map(_plain, self.titles))
+            self.names = _names_of(self.titles, self.path)
             words = {name for name in self.names
                      if re.match(r"[a-z]", name) and name not in ("nan", "inf") and not _is_nothing(name)}
             self.has_names = len(words) > 1  # one word, again and again, is a first row in which the tracker saw nothing
