@@ -101,6 +101,10 @@ struct PixelRows
   T* Row(int row) const { return data + static_cast<std::ptrdiff_t>(row - firstRow) * stride - firstColumn; }
 };
 
+/// What exponents of footprints are multiplied by: in float they are powers of 2, which are reduced by a subtraction.
+template <class T>
+constexpr T kExponentUnit = sizeof(T) == 4 ? T(1.44269504088896341) : T(1);
+
 /// How a block is to be projected. The view's origin pixel lies within kLargestImage / 4 of pixel (0, 0), so that sums
 /// of whole numbers stay exact. A footprint ends where magnitude * w < tolerance; tolerance 0 ends it where T would
 /// underflow.
@@ -114,7 +118,8 @@ struct ProjectionTask
   T tolerance;
   T leastMagnitude;                       // every Gaussian's own |r|, but at least this
   bool direct;                            // no recurrences
-  T lowestExponent = kLowestExponent<T>;  // of the type in which footprints are evaluated
+  T lowestExponent = kLowestExponent<T>;  // of the type in which footprints are evaluated, which may be another
+  T exponentUnit = kExponentUnit<T>;      // of that type
 };
 
 template <class T>

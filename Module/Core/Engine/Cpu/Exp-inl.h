@@ -134,10 +134,6 @@ static HWY_INLINE hn::Vec<D> QuickInverseRoot(D d, hn::Vec<D> x)
   }
 }
 
-/// What exponents of footprints are multiplied by: in float they are powers of 2, which are reduced by a subtraction.
-template <class T>
-constexpr T kExponentUnit = sizeof(T) == 4 ? T(1.44269504088896341) : T(1);
-
 /// x = whole + rest, |rest| <= 1/2, in float; `whole` where an exponent of two has its bits.
 template <class D>
 static HWY_INLINE hn::Vec<D> RestOf(D d, hn::Vec<D> x, hn::Vec<hn::RebindToSigned<D>>& whole)

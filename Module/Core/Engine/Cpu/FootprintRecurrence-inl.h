@@ -67,7 +67,8 @@ struct RecurrenceStart
   /// Above some row.
   HWY_INLINE RecurrenceStart(const SplatRows<T>& s, int i, int row) : RecurrenceStart(s, i)
   {
-    SetRow<T>(s.At(kU12, i), s.At(kU22, i), s.At(kLogAmplitude, i), RowOffset(s, i, row), shift, constant, slope);
+    SetRow(kExponentUnit<T>, s.At(kU12, i), s.At(kU22, i), s.At(kLogAmplitude, i), RowOffset(s, i, row), shift,
+           constant, slope);
   }
   /// From the centre to the line above a row.
   static HWY_INLINE T RowOffset(const SplatRows<T>& s, int i, int row)

@@ -21,15 +21,16 @@ namespace bigus::HWY_NAMESPACE
 /// at the end and so is the error (see FootprintRecurrence-inl.h).
 constexpr int kLongestReach = 32, kReachInside = 16;
 
-/// How a recurrence starts between two rows, dv rows from the centre: see FootprintRecurrence-inl.h. Real is T or a
-/// vector of it.
+/// How a recurrence starts between two rows, dv rows from the centre: see FootprintRecurrence-inl.h. `unit`: kExponentUnit
+/// of the type in which it runs. Real is T or a vector of it.
 template <class T, class Real>
-static HWY_INLINE void SetRow(Real u12, Real u22, Real logAmplitude, Real dv, Real& shift, Real& constant, Real& slope)
+static HWY_INLINE void SetRow(T unit, Real u12, Real u22, Real logAmplitude, Real dv, Real& shift, Real& constant,
+                              Real& slope)
 {
   const Real eta2 = u22 * dv, curvature = u12 * u12 + u22 * u22;
   shift = u12 * dv;
-  constant = Real(kExponentUnit<T>) * (logAmplitude - Real(T(0.5)) * eta2 * eta2 - Real(T(0.125)) * curvature);
-  slope = Real(T(-0.5) * kExponentUnit<T>) * u22 * eta2;
+  constant = Real(unit) * (logAmplitude - Real(T(0.5)) * eta2 * eta2 - Real(T(0.125)) * curvature);
+  slope = Real(T(-0.5) * unit) * u22 * eta2;
 }
 
 /// mu_z^2, mm^2.
@@ -133,7 +134,7 @@ static int ProjectBlock(const GaussianBlock<T>& block, int count, const Projecti
     reach = Select(f.cut < last * last, L(T(kOneStretch)), reach);
     reach = task.direct ? zero : Select(RatiosHold(f, task.lowestExponent), reach, zero);
     L shift, constant, slope;
-    SetRow<T>(s.u12, s.u22, f.logAmplitude, L(T(-0.5)) - f.mv, shift, constant, slope);
+    SetRow(task.exponentUnit, s.u12, s.u22, f.logAmplitude, L(T(-0.5)) - f.mv, shift, constant, slope);
 
     auto visible = hn::And(columnBegin < columnEnd, rowBegin < rowEnd);
     visible = hn::And(visible, hn::And(f.cut > zero, f.logAmplitude > lowest));

@@ -131,6 +131,7 @@ int VisibleSplats<T>::Project(const CpuField<T>& field, std::size_t b, const Cam
     out.leastMagnitude = static_cast<U>(truncation.leastMagnitude);
     out.direct = direct;
     out.lowestExponent = kLowestExponent<T>;
+    out.exponentUnit = kExponentUnit<T>;
     return out;
   };
   if (!field.Sharp(b))
