@@ -14,6 +14,7 @@
 
 #include "Core/Model/Error.h"
 #include "Core/Numerics/Checksum.h"
+#include "Core/Phantom/Phantom.h"
 #include "Core/Trainer/Trainer.h"
 #include "Support/Errors.h"
 #include "Support/Sweeps.h"
@@ -48,6 +49,11 @@ void ExpectSame(const TrainingResult& a, const TrainingResult& b)
   EXPECT_EQ(a.field.beam.trainedNormals, b.field.beam.trainedNormals);
   EXPECT_EQ(a.imageToReference, b.imageToReference);
   EXPECT_EQ(a.iterations, b.iterations);
+  ASSERT_EQ(a.view.has_value(), b.view.has_value());
+  if (a.view)
+  {
+    EXPECT_TRUE(a.view->terms == b.view->terms && a.view->views.poses == b.view->views.poses);
+  }
   ASSERT_EQ(a.log.size(), b.log.size());
   for (std::size_t line = 0; line < a.log.size(); ++line)
   {
@@ -247,6 +253,91 @@ TEST(Checkpoints, MayStopAgainAndAgain)
   EXPECT_GE(stops, 3);
   EXPECT_LT(stops, 100);
   ExpectSame(Resumed(sweep, options, state), whole);
+}
+
+/// A training that goes on, and how often it reports.
+TrainingResult Resumed(const std::shared_ptr<const bigus::Sweep>& sweep, const TrainerOptions& options,
+                       const std::string& state, int& calls)
+{
+  Checkpoints checkpoints;
+  checkpoints.resume = state;
+  calls = 0;
+  return bigus::Train(
+      sweep, options, nullptr, [&calls](const TrainingProgress&) { return ++calls > 0; }, checkpoints);
+}
+
+/// Directions are learnt after the last step. A stop there loses what was learnt of them, and not that there are any.
+TEST(Checkpoints, AStopWhileDirectionsAreLearntGoesOn)
+{
+  const auto sweep = RenderedSweep();
+  for (int frame = 0; frame < sweep->NumberOfFrames(); ++frame)
+  {
+    auto&& axes = sweep->imageToReference[frame].topLeftCorner<3, 3>();
+    axes = Eigen::AngleAxisd(frame % 2 ? 0.1 : -0.1, Eigen::Vector3d::UnitX()) * axes.eval();
+  }
+  TrainerOptions options = Small();
+  constexpr int kSteps = 12;  // of the field, and as many of directions
+  options.iterations = kSteps;
+  options.virtualPlanes = 0;
+  options.viewDependence = true;
+  int calls = 0;
+  const TrainingResult whole = Resumed(sweep, options, {}, calls);
+  ASSERT_TRUE(whole.view);
+  for (int call = 1; call <= calls; ++call)
+  {
+    SCOPED_TRACE("stopped at call " + std::to_string(call));
+    const std::optional<std::string> state = StateWhenStopped(sweep, options, {0, call});
+    ASSERT_TRUE(state) << "finished without what it was asked for";
+    int callsLeft = 0;
+    ExpectSame(Resumed(sweep, options, *state, callsLeft), whole);
+    if (call > calls - kSteps)
+    {
+      EXPECT_LE(callsLeft, 1 + kSteps) << "steps of the field are taken again";
+    }
+  }
+}
+
+/// Two sweeps whose planes meet at so many degrees.
+std::shared_ptr<const bigus::Sweep> TwoSweeps(double degrees)
+{
+  bigus::PhantomOptions made;
+  made.width = made.height = 32;
+  made.pixelSize = 0.5;
+  made.frames = 24;
+  const auto one = std::make_shared<const bigus::Sweep>(bigus::Phantom(made).MakeSweep());
+  made.sweepAngle = degrees;
+  return bigus::Join({one, std::make_shared<const bigus::Sweep>(bigus::Phantom(made).MakeSweep())});
+}
+
+/// Whether directions count is asked by short trainings, once; where sweeps cross each is then trained by itself.
+TEST(Checkpoints, AStopWhileDirectionsAreAskedForGoesOn)
+{
+  for (const double degrees : {15.0, 90.0})
+  {
+    const auto sweep = TwoSweeps(degrees);
+    TrainerOptions options;
+    options.gaussians = 2000;
+    options.iterations = 60;
+    options.poseSmoothing = 0;
+    options.elevationSigma = 0;
+    options.virtualPlanes = 1;
+    options.interpolation = bigus::FrameInterpolation{};
+    int calls = 0;
+    const TrainingResult whole = Resumed(sweep, options, {}, calls);
+    ASSERT_TRUE(whole.view) << degrees;
+    for (const int call : {calls, calls - 70, calls / 2, calls / 3})
+    {
+      SCOPED_TRACE("stopped at call " + std::to_string(call) + " of " + std::to_string(calls));
+      const std::optional<std::string> state = StateWhenStopped(sweep, options, {0, call});
+      ASSERT_TRUE(state) << "finished without what it was asked for";
+      int callsLeft = 0;
+      ExpectSame(Resumed(sweep, options, *state, callsLeft), whole);
+      if (call >= calls - 70)
+      {
+        EXPECT_LT(callsLeft, calls / 2) << "nothing was kept";
+      }
+    }
+  }
 }
 
 TEST(Checkpoints, AStopAtTheLastStepStopsNothing)

@@ -253,6 +253,10 @@ Keeping Checkpointer::KeepIn(std::function<void(std::string)> take)
             write(to);
             take(to.Take());
             Save();
+            if (settled_)
+            {
+              training_.clear();  // the next one comes with its own
+            }
           }};
 }
 
@@ -303,10 +307,6 @@ void Checkpointer::Save()
   exchange_.Any(false);  // all hear of it when the first cannot write
   saved_ = watch_.Seconds();
   isSaved_ = true;
-  if (settled_)
-  {
-    training_.clear();  // the next one comes with its own
-  }
 }
 
 void Checkpointer::Write()

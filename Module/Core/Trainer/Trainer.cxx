@@ -196,6 +196,10 @@ NamedTexts AgreedIdentity(const Sweep& sweep, const TrainerOptions& options, con
   return identity;
 }
 
+/// What checkpoints call the question about directions, and the training of each sequence by itself.
+constexpr const char* kViewTrial = "view dependence";
+constexpr const char* kEachSequence = "each sequence by itself";
+
 /// What is known of directions; none where nobody asks. Clang 14 wants its defaults outside Training.
 struct Directions
 {
@@ -238,6 +242,7 @@ private:
   void Settle();
   void TrainToTheEnd();
   void AskForDirections();
+  std::optional<ViewEvidence> FindEvidence();
   bool TrainSequencesApart();
   void LearnDirections();
   void SetBeam(GaussianField& field) const;
@@ -253,6 +258,7 @@ private:
   std::unique_ptr<TrainingLoop> loop_;
   Fitted fitted_;
   std::optional<Directions> directions_;
+  bool isStoppedShort_ = false;  // while directions were asked for or learnt, which no step of the loop tells
   TrainingResult result_;
 };
 
@@ -371,6 +377,7 @@ void Training::FirstStage()
     MakeLoop();
     const bool isOpen = !asked_.gaussians && !budget_.IsLimited();
     fitted_ = loop_->Run(result_.validationFrames, isOpen ? kBeforeOpenTrials : kFirstStage);
+    fitted_.finished = false;  // also where validation ends it here: all is yet to be decided
   }
 }
 
@@ -463,7 +470,7 @@ void Training::SetBeam(GaussianField& field) const
   }
 }
 
-/// Whether echoes depend on the direction: recorded frames say so, or the caller does. A resumed training asks again.
+/// Whether echoes depend on the direction: recorded frames say so, or the caller does.
 void Training::AskForDirections()
 {
   const bool isAsked = asked_.viewDependence ? *asked_.viewDependence : asked_.automatic && !start_;
@@ -480,27 +487,41 @@ void Training::AskForDirections()
     }
     return;
   }
-  directions_.emplace();
   if (asked_.viewDependence)
   {
+    directions_.emplace();
     directions_->areWorth = RecordedViews::Of(*sweep_, result_.trainingFrames).unit > 0;
     return;
   }
   const Stopwatch watch;
-  const std::optional<ViewEvidence> found =
-      AskForViews(sweep_, result_.trainingFrames, plan_,
-                  [this] {
-                    return budget_.Tell({TrainingProgress::Phase::Training, 0, 0, {}});
-                  });
-  if (!found)
+  if (const std::optional<ViewEvidence> found = FindEvidence())
   {
-    directions_.reset();
-    return;
+    directions_ = {found->IsWorth(),
+                   "a short training with it gains " + FormatNumber(found->gain, 2) + " (" +
+                       FormatNumber(found->error, 2) + ") on frames that it has not seen",
+                   watch.Seconds()};
   }
-  directions_->areWorth = found->IsWorth();
-  directions_->seconds = watch.Seconds();
-  directions_->evidence = "a short training with it gains " + FormatNumber(found->gain, 2) + " (" +
-                          FormatNumber(found->error, 2) + ") on frames that it has not seen";
+}
+
+/// Asked once: a checkpoint keeps it.
+std::optional<ViewEvidence> Training::FindEvidence()
+{
+  const TrialScores* const known = keeper_.FindTrial(kViewTrial);
+  if (known && known->frames.size() > 1)
+  {
+    return ViewEvidence::Of(known->frames);
+  }
+  std::optional<ViewEvidence> found = AskForViews(sweep_, result_.trainingFrames, plan_,
+                                                  [this] {
+                                                    return budget_.Tell({TrainingProgress::Phase::Training, 0, 0, {}});
+                                                  });
+  if (found)
+  {
+    keeper_.NoteTrial(kViewTrial, {found->gains, {}, {}});
+    keeper_.Save();
+  }
+  isStoppedShort_ = budget_.IsAborted();
+  return found;
 }
 
 /// Where sequences cross and directions count each is trained by itself, under a thin beam, because what the others show
@@ -515,10 +536,13 @@ bool Training::TrainSequencesApart()
   TrainingPlan plan = plan_;
   plan.elevationSigma = options_.elevationSigma.value_or(0);  // asked_ has what was decided for all together
   const Stopwatch watch;
-  std::optional<TrainedApart> trained = TrainApart(sweep_, result_.trainingFrames, result_.validationFrames, plan,
-                                                   [this](const TrainingProgress& now) { return budget_.Tell(now); });
+  const std::string state = keeper_.TakeTrial(kEachSequence);
+  std::optional<TrainedApart> trained = TrainApart(
+      sweep_, result_.trainingFrames, result_.validationFrames, plan,
+      [this](const TrainingProgress& now) { return budget_.Tell(now); }, keeper_.KeepingOfTrial(kEachSequence), state);
   if (!trained)
   {
+    isStoppedShort_ = budget_.IsAborted();
     return false;
   }
   plan_ = plan;
@@ -532,10 +556,19 @@ bool Training::TrainSequencesApart()
   return true;
 }
 
-/// Trains the finished field on with what depends on the direction, where that counts. A resumed training does it again.
+/// Trains the finished field on with what depends on the direction, where that counts. A stop amid it loses this alone.
 void Training::LearnDirections()
 {
-  if (!directions_ || !directions_->areWorth || budget_.IsAborted() || fitted_.iterations == 0)
+  if (!directions_ || !directions_->areWorth || fitted_.iterations == 0)
+  {
+    return;
+  }
+  isStoppedShort_ = budget_.IsAborted();
+  if (fitted_.finished)
+  {
+    loop_->Keep();  // a training that goes on from here has only this before it
+  }
+  if (isStoppedShort_)
   {
     return;
   }
@@ -553,6 +586,10 @@ void Training::LearnDirections()
   {
     fitted_.field = std::move(viewed->field);
     result_.view = std::move(viewed->view);
+  }
+  else
+  {
+    isStoppedShort_ = true;
   }
   directions_->seconds += watch.Seconds();
 }
@@ -577,8 +614,8 @@ TrainingResult Training::Finish()
   result_.log = std::move(fitted_.log);
   result_.iterations = fitted_.iterations;
   result_.processes = exchange_.Size();
-  result_.aborted = budget_.IsAborted() && !fitted_.finished;  // a stop after the last step stopped nothing
-  result_.finished = fitted_.finished;
+  result_.finished = fitted_.finished && !isStoppedShort_;
+  result_.aborted = budget_.IsAborted() && !result_.finished;  // a stop after the last step stopped nothing
   result_.seconds = budget_.Seconds();
   return std::move(result_);
 }

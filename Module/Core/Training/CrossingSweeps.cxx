@@ -57,13 +57,65 @@ struct Joined
   std::string device;
 };
 
+/// The states of all sequences' loops, "" of those that have not begun. A loop that ended is kept, too.
+class StatesOfSequences
+{
+public:
+  StatesOfSequences(std::size_t sequences, const Keeping& keeping, std::string_view state)
+      : keeping_(keeping), states_(sequences)
+  {
+    if (!state.empty())
+    {
+      StateReader from(state);
+      std::generate(states_.begin(), states_.end(), [&from] { return std::string(from.Text()); });
+      from.End();
+    }
+  }
+
+  void BeginOrResume(std::size_t sequence, TrainingLoop& loop)
+  {
+    if (keeping_.keep)
+    {
+      loop.SetKeeping({keeping_.due, [this, sequence](const auto& write) { Keep(sequence, write); }});
+    }
+    if (states_[sequence].empty())
+    {
+      loop.Begin(loop.SeedStart());
+    }
+    else
+    {
+      loop.Resume(states_[sequence]);
+    }
+  }
+
+private:
+  void Keep(std::size_t sequence, const std::function<void(StateWriter&)>& write)
+  {
+    StateWriter own;
+    write(own);
+    states_[sequence] = own.Take();
+    keeping_.keep(
+        [this](StateWriter& to)
+        {
+          for (const std::string& state : states_)
+          {
+            to.Text(state);
+          }
+        });
+  }
+
+  const Keeping& keeping_;
+  std::vector<std::string> states_;
+};
+
 std::optional<Joined> TrainEach(const std::shared_ptr<const Sweep>& sweep, const std::vector<int>& frames,
                                 const std::vector<int>& validationFrames, const TrainingPlan& plan,
-                                const ProgressCallback& progress)
+                                const ProgressCallback& progress, const Keeping& keeping, std::string_view state)
 {
   const Stopwatch watch;
   Joined joined;
   const std::vector<std::vector<int>> sequences = BySequence(*sweep, frames);
+  StatesOfSequences states(sequences.size(), keeping, state);
   for (std::size_t s = 0; s < sequences.size(); ++s)
   {
     const std::vector<int>& some = sequences[s];
@@ -84,12 +136,13 @@ std::optional<Joined> TrainEach(const std::shared_ptr<const Sweep>& sweep, const
       return !progress || progress(now);
     };
     TrainingLoop loop(sweep, some, PlanOfShare(plan, static_cast<double>(some.size()) / frames.size()), tell);
-    loop.Begin(loop.SeedStart());
+    states.BeginOrResume(s, loop);
     const Fitted fitted = loop.Run(validation);
     if (fitted.aborted)
     {
       return std::nullopt;
     }
+    loop.Keep();
     if (joined.fitted.field.Size() == 0)
     {
       joined.fitted.field.beam = fitted.field.beam;
@@ -151,9 +204,9 @@ ViewDependence Apart(GaussianField& field, const std::vector<int>& sequenceOfGau
 
 std::optional<TrainedApart> TrainApart(const std::shared_ptr<const Sweep>& sweep, const std::vector<int>& frames,
                                        const std::vector<int>& validationFrames, const TrainingPlan& plan,
-                                       const ProgressCallback& progress)
+                                       const ProgressCallback& progress, const Keeping& keeping, std::string_view state)
 {
-  std::optional<Joined> joined = TrainEach(sweep, frames, validationFrames, plan, progress);
+  std::optional<Joined> joined = TrainEach(sweep, frames, validationFrames, plan, progress, keeping, state);
   if (!joined || joined->fitted.field.Size() == 0)
   {
     return std::nullopt;

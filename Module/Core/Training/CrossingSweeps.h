@@ -6,6 +6,7 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "Core/Model/Sweep.h"
@@ -35,9 +36,11 @@ struct TrainedApart
 
 /// Each sequence trains a field of its own, with its frames' share of the plan's Gaussians and steps. Those fields are one
 /// then, in which each Gaussian counts where its sequence looks, and that is trained on all frames with q. Null when
-/// `progress` says stop. `validationFrames` (may be empty) serve early stop.
+/// `progress` says stop. `validationFrames` (may be empty) serve early stop. `keeping` gets the state of all sequences, and
+/// `state` (may be empty) is what it got, to go on from.
 std::optional<TrainedApart> TrainApart(const std::shared_ptr<const Sweep>& sweep, const std::vector<int>& frames,
                                        const std::vector<int>& validationFrames, const TrainingPlan& plan,
-                                       const ProgressCallback& progress);
+                                       const ProgressCallback& progress, const Keeping& keeping = {},
+                                       std::string_view state = {});
 
 }  // namespace bigus

@@ -142,6 +142,14 @@ void TrainingLoop::Save(StateWriter& to) const
   SaveParts(own.Take(), exchange_, to);
 }
 
+void TrainingLoop::Keep() const
+{
+  if (keeping_.keep)
+  {
+    keeping_.keep([this](StateWriter& to) { Save(to); });
+  }
+}
+
 void TrainingLoop::Replan(TrainingPlan plan)
 {
   plan_ = std::move(plan);
@@ -165,8 +173,7 @@ Fitted TrainingLoop::Run(const std::vector<int>& validationFrames, double until)
   Lap lap{Batches(targets_.Frames(), plan_.batch, plan_.seed), report_.Seconds() - course_.trainingTime,
           report_.Seconds(), course_.iteration};
   lap.batches.Skip(course_.iteration - (course_.isFirstStage ? 0 : course_.firstStage));
-  const auto save = [this](StateWriter& to) { Save(to); };
-  bool isFinished = course_.iteration >= plan_.iterations && !report_.IsAborted();
+  bool isFinished = HasEnded() && !report_.IsAborted();
   while (!isFinished && !report_.IsAborted())
   {
     const double fraction = FractionDone(plan_, course_.iteration + 1, report_.Seconds(), lap.begun);
@@ -177,7 +184,7 @@ Fitted TrainingLoop::Run(const std::vector<int>& validationFrames, double until)
     CorrectFrames(fraction);
     const int before = course_.iteration;
     const Moment now = TakeStep(lap, fraction);
-    isFinished = course_.iteration == plan_.iterations || (course_.endsAt > 0 && course_.iteration >= course_.endsAt);
+    isFinished = HasEnded();
     if (course_.iteration / LogInterval(plan_) > before / LogInterval(plan_) || isFinished)
     {
       AddLogLine(validationFrames, now);
@@ -185,15 +192,21 @@ Fitted TrainingLoop::Run(const std::vector<int>& validationFrames, double until)
     Tell(lap, fraction);
     if (keeping_.due && !isFinished && !report_.IsAborted() && keeping_.due())
     {
-      keeping_.keep(save);
+      Keep();
     }
   }
-  if (keeping_.keep && !isFinished && course_.iteration > 0)
+  if (!isFinished && course_.iteration > 0)
   {
-    keeping_.keep(save);
+    Keep();
   }
   TakeAverage(validationFrames);
   return Result(isFinished);
+}
+
+/// All steps were taken, or those to where validation said stop.
+bool TrainingLoop::HasEnded() const
+{
+  return course_.iteration >= plan_.iterations || (course_.endsAt > 0 && course_.iteration >= course_.endsAt);
 }
 
 /// False when the caller said stop while virtual planes were made.

@@ -87,6 +87,9 @@ public:
 
   /// From now on the state is kept.
   void SetKeeping(Keeping keeping) { keeping_ = std::move(keeping); }
+  /// Gives the state to its Keeping, where it has one. After a run that finished, for what comes after the loop's steps:
+  /// one that resumes with it takes none.
+  void Keep() const;
 
   /// What it trains on.
   const Targets& targets() const { return targets_; }
@@ -102,6 +105,7 @@ private:
   void SetTargets();
   CourseBounds Bounds() const;
   Moment Now(double fraction) const { return {course_.iteration, fraction, course_.passes, course_.isFirstStage}; }
+  bool HasEnded() const;
   bool EnterSecondStage(Lap& lap);
   void CorrectFrames(double fraction);
   Moment TakeStep(Lap& lap, double fraction);

@@ -311,6 +311,13 @@ std::optional<std::vector<double>> Gains(const std::shared_ptr<const Sweep>& swe
 
 }  // namespace
 
+ViewEvidence ViewEvidence::Of(std::vector<double> gains)
+{
+  const double gain = Mean(gains);
+  const double error = std::sqrt(MeanSquare(gains, gain) / static_cast<double>(gains.size() - 1));
+  return {std::move(gains), gain, error};
+}
+
 std::optional<ViewEvidence> AskForViews(const std::shared_ptr<const Sweep>& sweep, const std::vector<int>& frames,
                                         const TrainingPlan& plan, const std::function<bool()>& goOn)
 {
@@ -337,8 +344,7 @@ std::optional<ViewEvidence> AskForViews(const std::shared_ptr<const Sweep>& swee
     }
     gains.resize(areMany ? 0 : gains.size());
     gains.insert(gains.end(), some->begin(), some->end());
-    evidence.gain = Mean(gains);
-    evidence.error = std::sqrt(MeanSquare(gains, evidence.gain) / static_cast<double>(gains.size() - 1));
+    evidence = ViewEvidence::Of(gains);
   }
   return evidence;
 }

@@ -24,9 +24,12 @@ struct ViewEvidence
 {
   static constexpr double kLeastGain = 0.02;  ///< dB
 
-  double gain = 0;   ///< dB, mean over those frames of a training with q over one without
-  double error = 0;  ///< dB, standard error of the mean
+  std::vector<double> gains;  ///< dB, on each of those frames, of a training with q over one without
+  double gain = 0;            ///< dB, their mean
+  double error = 0;           ///< dB, standard error of the mean
 
+  /// Of at least two gains.
+  static ViewEvidence Of(std::vector<double> gains);
   bool IsWorth() const { return gain > kLeastGain && gain > 2 * error; }
   /// That more frames would hardly say otherwise: no gain, or one that is worth it and five times as large as need be.
   bool IsClear() const { return gain <= kLeastGain || (IsWorth() && gain > 5 * kLeastGain); }
