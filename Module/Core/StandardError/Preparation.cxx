@@ -143,10 +143,7 @@ public:
       frames_.emplace_back(sweep, frame);
     }
     const std::size_t cells = kept.Cells() * training.size();
-    for (std::vector<std::uint8_t>* part : {&kept.residual_, &kept.rate_, &kept.texture_})
-    {
-      part->assign(cells, 0);
-    }
+    kept.codes_.assign(cells, {});
     between_.assign(cells, 0);
     apart_.assign(cells, -1);
     kept.usualTurn_.assign(training.size(), 0);
@@ -178,8 +175,9 @@ public:
     residuals_[k] = MeansOverSquares(errors, lit, width, kept_.height_);
     const std::vector<double> texture = WindowVariances(frame, lit, width, kept_.height_, kHalfWindow);
     ForCells(k, WindowMeans(squares, lit), lit,
-             [this](std::size_t cell, double mean) { kept_.residual_[cell] = CodeOfVariance(mean); });
-    ForCells(k, texture, lit, [this](std::size_t cell, double mean) { kept_.texture_[cell] = CodeOfVariance(mean); });
+             [this](std::size_t cell, double mean) { kept_.codes_[cell].residual = CodeOfVariance(mean); });
+    ForCells(k, texture, lit,
+             [this](std::size_t cell, double mean) { kept_.codes_[cell].texture = CodeOfVariance(mean); });
     Predict(k, frame, texture);
     if (k % (1 + frames_.size() / kShares) == 0)
     {
@@ -200,7 +198,7 @@ public:
     const double least = std::max(0.5 * Median(std::move(usual)), 1e-9);
     for (std::size_t cell = 0; cell < apart_.size(); ++cell)
     {
-      kept_.rate_[cell] = apart_[cell] >= 0 ? CodeOfVariance(between_[cell] / std::max(apart_[cell], least)) : 0;
+      kept_.codes_[cell].rate = apart_[cell] >= 0 ? CodeOfVariance(between_[cell] / std::max(apart_[cell], least)) : 0;
     }
     KeepTurns();
     KeepSquares();

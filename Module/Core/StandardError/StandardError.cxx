@@ -30,6 +30,7 @@ constexpr double kLeft = 0.7;
 constexpr double kFloor = 0.5 / 255 * 0.5 / 255;  // half a grey level
 constexpr double kAligned = 0.05;                 // of speckle is another, where a frame looks as the slice does
 constexpr int kTile = 32;                         // pixels along a side that share a search
+constexpr int kBlock = 8;                         // and that are lit or dark together
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
@@ -60,14 +61,13 @@ std::vector<double> BoxSums(const std::vector<double>& values, int width, int he
   for (int j = 0; j < height; ++j)
   {
     const double* row = &values[static_cast<std::size_t>(j) * width];
-    for (int i = 0; i < width; ++i)
+    double* out = &across[static_cast<std::size_t>(j) * width];
+    for (int k = -half; k <= half; ++k)
     {
-      double sum = 0;
-      for (int k = std::max(0, i - half); k <= std::min(width - 1, i + half); ++k)
+      for (int i = std::max(0, -k); i < std::min(width, width - k); ++i)
       {
-        sum += row[k];
+        out[i] += row[i + k];
       }
-      across[static_cast<std::size_t>(j) * width + i] = sum;
     }
   }
   for (int j = 0; j < height; ++j)
@@ -141,12 +141,6 @@ void StandardError::Derive()
 std::size_t StandardError::Cells() const
 {
   return static_cast<std::size_t>(CellColumns()) * ((height_ + cell_ - 1) / cell_);
-}
-
-bool StandardError::IsLit(double column, double row) const
-{
-  return column >= 0 && row >= 0 && column <= width_ - 1 && row <= height_ - 1 &&
-         lit_[static_cast<std::size_t>(row + 0.5) * width_ + static_cast<std::size_t>(column + 0.5)] != 0;
 }
 
 /// Whether IsLit may be true of a place in that rectangle, with a pixel to spare.
@@ -237,28 +231,48 @@ std::vector<StandardError::Candidate> StandardError::Within(const Tile& tile, in
 void StandardError::Find(const Tile& tile, const std::vector<Candidate>& all, std::vector<Beside>& found) const
 {
   found.assign(tile.Pixels(), {});
+  const int width = tile.right - tile.left + 1;
   for (int side = 0; side < 2; ++side)
   {
-    const double sign = side == 0 ? 1 : -1, least = side == 0 ? -kOnFrame : kOnFrame;
     const std::vector<Candidate> candidates = Within(tile, side, all);
-    Beside* beside = found.data();
-    for (int j = tile.top; j <= tile.bottom; ++j)
+    for (int top = tile.top; top <= tile.bottom; top += kBlock)
     {
-      for (int i = tile.left; i <= tile.right; ++i, ++beside)
+      for (int left = tile.left; left <= tile.right; left += kBlock)
       {
-        for (const Candidate& one : candidates)
+        const Tile block{left, top, std::min(left + kBlock - 1, tile.right), std::min(top + kBlock - 1, tile.bottom)};
+        FindInBlock(block, side, candidates, &found[(top - tile.top) * width + left - tile.left], width);
+      }
+    }
+  }
+}
+
+/// In a part of a tile, of whose rows `found` has the first pixels. Most frames do not light a dark part.
+void StandardError::FindInBlock(const Tile& block, int side, const std::vector<Candidate>& candidates, Beside* found,
+                                int width) const
+{
+  const double sign = side == 0 ? 1 : -1, least = side == 0 ? -kOnFrame : kOnFrame;
+  double farthest = kInfinity;  // of what was found
+  for (const Candidate& one : candidates)
+  {
+    if (one.least > farthest)
+    {
+      break;
+    }
+    if (!MayLight(one, block))
+    {
+      continue;
+    }
+    farthest = 0;
+    for (int j = block.top; j <= block.bottom; ++j)
+    {
+      Beside* beside = found + (j - block.top) * width;
+      for (int i = block.left; i <= block.right; ++i, ++beside)
+      {
+        const double z = sign * one(i, j, 2);
+        const double distance = z <= kOnFrame ? 0 : z;
+        if (z >= least && (distance < beside->distance[side] ||
+                           (distance == beside->distance[side] && one.frame < beside->frame[side])))
         {
-          if (one.least > beside->distance[side])
-          {
-            break;
-          }
-          const double z = sign * one(i, j, 2);
-          const double distance = z <= kOnFrame ? 0 : z;
-          if (z < least || distance > beside->distance[side] ||
-              (distance == beside->distance[side] && one.frame > beside->frame[side]))
-          {
-            continue;
-          }
           const double column = one(i, j, 0), row = one(i, j, 1);
           if (IsLit(column, row))
           {
@@ -268,9 +282,25 @@ void StandardError::Find(const Tile& tile, const std::vector<Candidate>& all, st
             beside->row[side] = static_cast<float>(row);
           }
         }
+        farthest = std::max(farthest, beside->distance[side]);
       }
     }
   }
+}
+
+/// Whether a pixel of the tile may have its foot in the frame's lit area.
+bool StandardError::MayLight(const Candidate& one, const Tile& tile) const
+{
+  const auto bounds = [&](int axis)
+  {
+    const double across = (tile.right - tile.left) * one.alongColumns[axis],
+                 down = (tile.bottom - tile.top) * one.alongRows[axis], first = one(tile.left, tile.top, axis);
+    return std::pair(first + std::min(across, 0.0) + std::min(down, 0.0),
+                     first + std::max(across, 0.0) + std::max(down, 0.0));
+  };
+  const auto [left, right] = bounds(0);
+  const auto [top, bottom] = bounds(1);
+  return MayBeLit(left, right, top, bottom);
 }
 
 /// Calls at(tile) for all tiles of a window, in parallel.
@@ -407,22 +437,16 @@ std::vector<double> StandardError::Turned(const SlicePlane& plane) const
   return turned;
 }
 
+/// Of a frame at a place in its plane, in a fan.
+StandardError::View StandardError::ViewAt(int frame, const Eigen::Vector3d& place) const
+{
+  return {frames_[frame].normal, (place - frames_[frame].apex).normalized()};
+}
+
 /// Of the frame on a side of a place, in a fan.
 StandardError::View StandardError::ViewOf(const Beside& beside, int side) const
 {
-  const Frame& frame = frames_[beside.frame[side]];
-  return {frame.normal, (frame.plane.Point(beside.column[side], beside.row[side]) - frame.apex).normalized()};
-}
-
-/// What is another at a place of a fan, beyond what R of the frame on a side has. R of neighbours has what is another between
-/// them, which differs from beam to beam; where the place lies between others, the frame's mean must do.
-double StandardError::Further(const View& view, const Beside& beside, int side) const
-{
-  const int here = beside.frame[side], there = beside.frame[1 - side];
-  const View frame = ViewOf(beside, side);
-  const bool areNeighbours = there >= 0 && std::abs(there - here) == 1;
-  const double usual = areNeighbours ? std::min(Another(frame, ViewOf(beside, 1 - side)), kMostTurn) : usualTurn_[here];
-  return Further(Another(frame, view), usual);
+  return ViewAt(beside.frame[side], frames_[beside.frame[side]].plane.Point(beside.column[side], beside.row[side]));
 }
 
 /// How much is another beyond what R has.
@@ -431,38 +455,79 @@ double StandardError::Further(double turned, double usual)
   return std::clamp((turned - usual) / (1 - usual), 0.0, 1.0);
 }
 
-StandardError::Terms StandardError::Read(const Beside& beside) const
+/// Reads at one point after the other: those beside each other mostly lie between the same cells.
+class StandardError::CellReader
 {
-  const int columns = CellColumns(), rows = static_cast<int>(Cells() / columns);
-  std::array<double, 3> sums{}, weights{};
-  for (int side = 0; side < 2; ++side)
+public:
+  explicit CellReader(const StandardError& kept)
+      : kept_(kept), columns_(kept.CellColumns()), rows_((kept.height_ + kept.cell_ - 1) / kept.cell_)
   {
-    const double nearness = side == 0 ? beside.Nearness() : 1 - beside.Nearness();
-    if (beside.frame[side] < 0 || nearness == 0)
+  }
+
+  Terms operator()(const Beside& beside)
+  {
+    Eigen::Array4f sums = Eigen::Array4f::Zero(), weights = sums;
+    for (int side = 0; side < 2; ++side)
     {
-      continue;
-    }
-    const double x = std::clamp((beside.column[side] + 0.5) / cell_ - 0.5, 0.0, columns - 1.0);
-    const double y = std::clamp((beside.row[side] + 0.5) / cell_ - 0.5, 0.0, rows - 1.0);
-    const int i = static_cast<int>(x), j = static_cast<int>(y);
-    for (int corner = 0; corner < 4; ++corner)
-    {
-      const int di = corner % 2, dj = corner / 2;
-      const double weight = nearness * (di ? x - i : 1 - x + i) * (dj ? y - j : 1 - y + j);
-      if (weight > 0)
+      const double nearness = side == 0 ? beside.Nearness() : 1 - beside.Nearness();
+      if (beside.frame[side] < 0 || nearness == 0)
       {
-        const std::size_t cell = beside.frame[side] * Cells() + static_cast<std::size_t>(j + dj) * columns + i + di;
-        const std::array<std::uint8_t, 3> codes{residual_[cell], rate_[cell], texture_[cell]};
-        for (int k = 0; k < 3; ++k)
-        {
-          sums[k] += codes[k] ? weight * Decoded()[codes[k]] : 0;
-          weights[k] += codes[k] ? weight : 0;
-        }
+        continue;
+      }
+      const float x = Place(beside.column[side], columns_), y = Place(beside.row[side], rows_);
+      const int i = static_cast<int>(x), j = static_cast<int>(y);
+      const Four& cells = Around(side, beside.frame[side], i, j);
+      const float right = x - i, lower = static_cast<float>(nearness) * (y - j),
+                  upper = static_cast<float>(nearness) - lower;
+      const std::array<float, 4> shares{upper * (1 - right), upper * right, lower * (1 - right), lower * right};
+      for (int k = 0; k < 4; ++k)
+      {
+        sums += shares[k] * cells.values[k];
+        weights += shares[k] * cells.known[k];
       }
     }
+    sums /= weights;  // 0 / 0: not known
+    return {sums[0], sums[1], sums[2]};
   }
-  return {sums[0] / weights[0], sums[1] / weights[1], sums[2] / weights[2]};  // 0 / 0: not known
-}
+
+private:
+  /// Cells around a point: of each residual, rate and texture, 0 where they are not known, and 1 where they are.
+  struct Four
+  {
+    std::size_t first = std::numeric_limits<std::size_t>::max();
+    std::array<Eigen::Array4f, 4> values, known;
+  };
+
+  float Place(float pixel, int count) const
+  {
+    return std::clamp((pixel + 0.5f) / static_cast<float>(kept_.cell_) - 0.5f, 0.0f, static_cast<float>(count - 1));
+  }
+
+  const Four& Around(int side, int frame, int i, int j)
+  {
+    Four& cells = around_[(2 * (i + frame) + side) % around_.size()];
+    const std::size_t first = (static_cast<std::size_t>(frame) * rows_ + j) * columns_ + i;
+    if (cells.first != first)
+    {
+      cells.first = first;
+      const int right = i + 1 < columns_ ? 1 : 0, down = j + 1 < rows_ ? columns_ : 0;  // none beyond the last
+      const std::array<std::size_t, 4> at{first, first + right, first + down, first + down + right};
+      for (int k = 0; k < 4; ++k)
+      {
+        const Codes& codes = kept_.codes_[at[k]];
+        const std::array<float, 256>& decoded = Decoded();
+        cells.values[k] = {decoded[codes.residual], decoded[codes.rate], decoded[codes.texture], 0};
+        cells.known[k] = {codes.residual ? 1.0f : 0.0f, codes.rate ? 1.0f : 0.0f, codes.texture ? 1.0f : 0.0f, 1};
+        cells.values[k] *= cells.known[k];
+      }
+    }
+    return cells;
+  }
+
+  const StandardError& kept_;
+  int columns_, rows_;
+  std::array<Four, 64> around_;  // of the last places; neighbours along a row or from frame to frame do not meet
+};
 
 namespace
 {
@@ -474,16 +539,15 @@ int HalfWindow(double framePixel, double slicePixel)
 }
 
 /// |grad I|^2 per mm^2, one-sided at the window's edges.
-double SquaredGradient(const float* image, const Engine::Window& window, int i, int j, double column, double row)
+double SquaredGradient(const float* image, const Engine::Window& window, int i, int j, const Eigen::Vector2d& perMm)
 {
-  const auto slope = [&](int at, int count, int step)
+  const float* here = image + static_cast<std::size_t>(j) * window.columns + i;
+  const auto slope = [here](int at, int count, int step)
   {
-    const float* here = image + static_cast<std::size_t>(j) * window.columns + i;
     const int before = at > 0 ? 1 : 0, after = at + 1 < count ? 1 : 0;
-    return before + after == 0 ? 0.0
-                               : (here[after * step] - here[-before * step]) / static_cast<double>(before + after);
+    return (here[after * step] - here[-before * step]) * (before + after == 2 ? 0.5 : 1.0);
   };
-  const double x = slope(i, window.columns, 1) / column, y = slope(j, window.rows, window.columns) / row;
+  const double x = slope(i, window.columns, 1) * perMm[0], y = slope(j, window.rows, window.columns) * perMm[1];
   return x * x + y * y;
 }
 
@@ -502,7 +566,94 @@ struct StandardError::Shown
   const float* image;
   std::vector<double> turned;  // beyond each frame, by its columns
   Eigen::Vector3d normal, apex;
+  Eigen::Vector2d perMm;          // pixels, along columns and rows
   double residual = 1, rate = 1;  // what directions leave of these
+};
+
+/// What is another at a pixel of a fan, beyond what R of the frame beside it has. R of neighbours has what is another between
+/// them, which differs from beam to beam; where the place lies between others, the frame's mean must do.
+double StandardError::FanTurn(const Shown& shown, int frame, int other, int column, int row) const
+{
+  const Eigen::Vector3d place = shown.plane.Point(column, row);
+  const auto viewOf = [&](int k)
+  {
+    const Frame& of = frames_[k];
+    return ViewAt(k, place - of.normal.dot(place - of.plane.origin) * of.normal);
+  };
+  const View here = viewOf(frame);
+  const bool areNeighbours = other >= 0 && std::abs(other - frame) == 1;
+  const double usual = areNeighbours ? std::min(Another(here, viewOf(other)), kMostTurn) : usualTurn_[frame];
+  return Further(Another(here, {shown.normal, (place - shown.apex).normalized()}), usual);
+}
+
+/// FanTurn around the pixels of a tile: at every fourth pixel of the plane, wherever the tile lies, and linear between these
+/// where they are alike.
+class StandardError::FanTurns
+{
+public:
+  FanTurns(const StandardError& kept, const Shown& shown, const Tile& tile)
+      : kept_(kept), shown_(shown), left_(tile.left / kStep), top_(tile.top / kStep)
+  {
+  }
+
+  double operator()(const Beside& beside, int side, int column, int row)
+  {
+    Places& places = Of(beside.frame[side], beside.frame[1 - side]);
+    const int i = column / kStep - left_, j = row / kStep - top_;
+    const float a = At(places, i, j), b = At(places, i + 1, j), c = At(places, i, j + 1), d = At(places, i + 1, j + 1);
+    if (std::max({a, b, c, d}) - std::min({a, b, c, d}) > kAlike)
+    {
+      return kept_.FanTurn(shown_, places.frame, places.other, column, row);
+    }
+    const float x = static_cast<float>(column % kStep) / kStep, y = static_cast<float>(row % kStep) / kStep;
+    return (1 - y) * ((1 - x) * a + x * b) + y * ((1 - x) * c + x * d);
+  }
+
+private:
+  static constexpr int kStep = 4;
+  static constexpr float kAlike = 0.1f;  // then what is linear is right to some hundredths
+  static constexpr int kAcross = kTile / kStep + 2;
+  /// For a frame and the one on the other side.
+  struct Places
+  {
+    int frame, other;
+    std::array<float, kAcross * kAcross> turns;  // less than 0: not known yet
+  };
+
+  /// Mostly those of the pixel before, or those that came after them in the row above.
+  Places& Of(int frame, int other)
+  {
+    for (std::size_t k = 0; k < places_.size(); ++k)
+    {
+      Places& places = places_[last_];
+      if (places.frame == frame && places.other == other)
+      {
+        return places;
+      }
+      last_ = last_ + 1 < places_.size() ? last_ + 1 : 0;
+    }
+    last_ = places_.size();
+    places_.push_back({frame, other, {}});
+    places_.back().turns.fill(-1);
+    return places_.back();
+  }
+
+  float At(Places& places, int i, int j) const
+  {
+    float& turn = places.turns[j * kAcross + i];
+    if (turn < 0)
+    {
+      turn = static_cast<float>(
+          kept_.FanTurn(shown_, places.frame, places.other, (left_ + i) * kStep, (top_ + j) * kStep));
+    }
+    return turn;
+  }
+
+  const StandardError& kept_;
+  const Shown& shown_;
+  int left_, top_;
+  std::vector<Places> places_;
+  std::size_t last_ = 0;
 };
 
 /// sigma^2 = at + slope * the image's own variance around the pixel; NaN: not known.
@@ -511,52 +662,88 @@ struct StandardError::Line
   float at = std::numeric_limits<float>::quiet_NaN(), slope = 0;
 };
 
-/// sigma^2 by the frames beside pixel p of the window.
-StandardError::Line StandardError::Variance(const Shown& shown, const Beside& beside, std::size_t p) const
+/// sigma^2 by the frames beside pixel (i, j) of the window.
+StandardError::Line StandardError::Variance(const Shown& shown, const Beside& beside, CellReader& read, FanTurns& turns,
+                                            int i, int j) const
 {
   if (!beside.IsKnown())
   {
     return {};
   }
-  const Terms terms = Read(beside);
+  const Terms terms = read(beside);
   const double t = beside.Nearness();
   const int side = t >= 0.5 ? 0 : 1, nearest = beside.frame[side];
-  const int i = static_cast<int>(p) % shown.window.columns, j = static_cast<int>(p) / shown.window.columns;
-  const auto beam = [&]
-  {
-    const Eigen::Vector3d at = shown.plane.Point(i + shown.window.firstColumn, j + shown.window.firstRow);
-    return Eigen::Vector3d((at - shown.apex).normalized());
-  };
-  const double w = apex_ ? Further({shown.normal, beam()}, beside, side) : shown.turned[nearest];
-  const double between = beside.distance[0] == 0 ? 0 : shown.rate * kLeft * terms.rate * beside.Apart();
+  const double w =
+      apex_ ? turns(beside, side, i + shown.window.firstColumn, j + shown.window.firstRow) : shown.turned[nearest];
+  const double between = beside.distance[0] == 0 ? 0 : shown.rate * kLeft * terms.rate * t * beside.distance[0];
   const double along = (1 - 2 * t * (1 - t)) * shown.residual * terms.residual + between;
-  const double moved = trackerNoise_ == 0
-                           ? 0
-                           : trackerNoise_ * trackerNoise_ *
-                                 SquaredGradient(shown.image, shown.window, i, j, shown.plane.columnStep.norm(),
-                                                 shown.plane.rowStep.norm());
+  const double moved = trackerNoise_ == 0 ? 0
+                                          : trackerNoise_ * trackerNoise_ *
+                                                SquaredGradient(shown.image, shown.window, i, j, shown.perMm);
   const double slope = w > 0 ? w * speckle_[nearest] : 0;
   return {static_cast<float>((1 - w) * along + (w > 0 ? slope * terms.texture : 0) + moved), static_cast<float>(slope)};
 }
 
+/// Frames that are asked together.
+struct StandardError::Set
+{
+  std::vector<Candidate> candidates;
+  bool isAligned;  ///< those of the set before that look as the slice does
+};
+
 /// The frames of each sequence, and of each those that look as the slice does, where others do not: where these lie farther
 /// off they may still tell more.
-std::vector<std::vector<StandardError::Candidate>> StandardError::Sets(const SlicePlane& plane,
-                                                                       const std::vector<double>& turned) const
+std::vector<StandardError::Set> StandardError::Sets(const SlicePlane& plane, const std::vector<double>& turned) const
 {
-  std::vector<std::vector<Candidate>> sets;
+  std::vector<Set> sets;
   for (const std::vector<int>& frames : bySequence_)
   {
-    sets.push_back(Candidates(plane, frames));
+    sets.push_back({Candidates(plane, frames), false});
     std::vector<int> aligned;
     std::copy_if(frames.begin(), frames.end(), std::back_inserter(aligned),
                  [&turned](int k) { return turned[k] < kAligned; });
     if (!aligned.empty() && aligned.size() < frames.size())
     {
-      sets.push_back(Candidates(plane, aligned));
+      sets.push_back({Candidates(plane, aligned), true});
     }
   }
   return sets;
+}
+
+/// For the pixels of a tile a line by each set, set after set. Where all that lies beside a tile is aligned, those that are
+/// tell nothing else.
+void StandardError::FindLines(const Shown& shown, const Tile& tile, const std::vector<Set>& sets,
+                              std::vector<Line>& lines) const
+{
+  const Engine::Window& window = shown.window;
+  const std::size_t count = static_cast<std::size_t>(window.columns) * window.rows;
+  const auto isAligned = [&shown](int frame) { return frame < 0 || shown.turned[frame] < kAligned; };
+  CellReader read(*this);
+  FanTurns turns(*this, shown, tile);
+  std::vector<Beside> found, before;
+  for (std::size_t k = 0; k < sets.size(); ++k)
+  {
+    if (sets[k].isAligned &&
+        std::all_of(found.begin(), found.end(),
+                    [&](const Beside& beside) { return isAligned(beside.frame[0]) && isAligned(beside.frame[1]); }))
+    {
+      continue;
+    }
+    std::swap(found, before);
+    Find(tile, sets[k].candidates, found);
+    std::size_t inTile = 0;
+    for (int j = tile.top - window.firstRow; j <= tile.bottom - window.firstRow; ++j)
+    {
+      Line* line = &lines[k * count + static_cast<std::size_t>(j) * window.columns + tile.left - window.firstColumn];
+      for (int i = tile.left - window.firstColumn; i <= tile.right - window.firstColumn; ++i, ++inTile, ++line)
+      {
+        if (!sets[k].isAligned || found[inTile].frame != before[inTile].frame)
+        {
+          *line = Variance(shown, found[inTile], read, turns, i, j);
+        }
+      }
+    }
+  }
 }
 
 /// The image's own variance around the pixels of a tile, row by row: of what is known, within the margin and the window.
@@ -622,34 +809,22 @@ void StandardError::Evaluate(const SlicePlane& plane, const Engine::Window& wind
 {
   const std::size_t count = static_cast<std::size_t>(window.columns) * window.rows;
   const Seen seen = seen_.value_or(Seen{1, 1});
-  Shown shown{plane, window, image, Turned(plane), plane.Normal(), ApexOf(plane)};
+  Shown shown{plane,
+              window,
+              image,
+              Turned(plane),
+              plane.Normal(),
+              ApexOf(plane),
+              {1 / plane.columnStep.norm(), 1 / plane.rowStep.norm()}};
   shown.residual = 1 - nearness * (1 - seen.residual);
   shown.rate = 1 - nearness * (1 - seen.rate);
   for (std::size_t k = 0; k < shown.turned.size(); ++k)
   {
     shown.turned[k] = Further(shown.turned[k], usualTurn_[k]);
   }
-  const std::vector<std::vector<Candidate>> sets = Sets(plane, shown.turned);
+  const std::vector<Set> sets = Sets(plane, shown.turned);
   std::vector<Line> lines(sets.size() * count);
-  ForTiles(window,
-           [&](const Tile& tile)
-           {
-             std::vector<Beside> found, first;
-             for (std::size_t k = 0; k < sets.size(); ++k)
-             {
-               Find(tile, sets[k], found);
-               ForPixels(tile, window,
-                         [&](std::size_t p, std::size_t inTile)
-                         {
-                           const bool isNew = k == 0 || found[inTile].frame != first[inTile].frame;
-                           lines[k * count + p] = isNew ? Variance(shown, found[inTile], p) : lines[p];
-                         });
-               if (k == 0)
-               {
-                 first = found;
-               }
-             }
-           });
+  ForTiles(window, [&](const Tile& tile) { FindLines(shown, tile, sets, lines); });
   ForTiles(window, [&](const Tile& tile) { TakeLeast(shown, tile, lines, sigma); });
 }
 
@@ -794,13 +969,20 @@ std::vector<double> WindowVariances(const std::vector<double>& values, const std
     first[p] = known[p] * values[p];
     second[p] = first[p] * values[p];
   }
-  const std::vector<double> counts = BoxSums(known, width, height, half);
   first = BoxSums(first, width, height, half);
   second = BoxSums(second, width, height, half);
-  for (std::size_t p = 0; p < values.size(); ++p)
+  const bool areAllKnown = std::all_of(known.begin(), known.end(), [](double value) { return value == 1; });
+  const std::vector<double> counts = areAllKnown ? std::vector<double>() : BoxSums(known, width, height, half);
+  const auto within = [half](int at, int size) { return std::min(size - 1, at + half) - std::max(0, at - half) + 1; };
+  std::size_t p = 0;
+  for (int j = 0; j < height; ++j)
   {
-    const double mean = counts[p] > 0 ? first[p] / counts[p] : 0;
-    second[p] = counts[p] > 0 ? std::max(second[p] / counts[p] - mean * mean, 0.0) : 0;
+    for (int i = 0; i < width; ++i, ++p)
+    {
+      const double count = areAllKnown ? within(i, width) * within(j, height) : counts[p];
+      const double mean = first[p] / count;
+      second[p] = count > 0 ? std::max(second[p] / count - mean * mean, 0.0) : 0;
+    }
   }
   return second;
 }
@@ -836,9 +1018,12 @@ std::string StandardError::ToBytes() const
     bits[p / 8] |= static_cast<std::uint8_t>((lit_[p] != 0) << p % 8);
   }
   out.Array(bits);
-  out.Array(residual_);
-  out.Array(rate_);
-  out.Array(texture_);
+  for (std::uint8_t Codes::*const code : {&Codes::residual, &Codes::rate, &Codes::texture})
+  {
+    std::vector<std::uint8_t> all;
+    std::transform(codes_.begin(), codes_.end(), std::back_inserter(all), [&](const Codes& of) { return of.*code; });
+    out.Array(all);
+  }
   return out.Take();
 }
 
@@ -890,10 +1075,15 @@ try
   {
     lit_.push_back(bits[p / 8] >> p % 8 & 1);
   }
-  for (std::vector<std::uint8_t>* part : {&residual_, &rate_, &texture_})
+  for (std::uint8_t Codes::*const code : {&Codes::residual, &Codes::rate, &Codes::texture})
   {
-    *part = in.Array<std::uint8_t>();
-    StateReader::Require(part->size() == Cells() * poses_.size(), "cells of another number");
+    const auto all = in.Array<std::uint8_t>();
+    StateReader::Require(all.size() == Cells() * poses_.size(), "cells of another number");
+    codes_.resize(all.size());
+    for (std::size_t cell = 0; cell < all.size(); ++cell)
+    {
+      codes_[cell].*code = all[cell];
+    }
   }
   in.End();
   Derive();

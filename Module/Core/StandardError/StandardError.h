@@ -107,6 +107,9 @@ private:
   struct Terms;
   struct Shown;
   struct Line;
+  struct Set;
+  class CellReader;
+  class FanTurns;
   class Preparation;
 
   double NearnessOf(const SlicePlane& plane) const { return seen_ ? views_.Nearness(plane) : 0; }
@@ -115,27 +118,35 @@ private:
   void Derive();
   std::size_t Cells() const;
   int CellColumns() const { return (width_ + cell_ - 1) / cell_; }
-  bool IsLit(double column, double row) const;
+  bool IsLit(double column, double row) const
+  {
+    return column >= 0 && row >= 0 && column <= width_ - 1 && row <= height_ - 1 &&
+           lit_[static_cast<std::size_t>(static_cast<int>(row + 0.5)) * width_ + static_cast<int>(column + 0.5)] != 0;
+  }
   bool MayBeLit(double firstColumn, double lastColumn, double firstRow, double lastRow) const;
   Eigen::Vector3d ApexOf(const SlicePlane& plane) const;
   static double Another(const View& frame, const View& plane);
   std::vector<double> Turned(const SlicePlane& plane) const;
+  View ViewAt(int frame, const Eigen::Vector3d& place) const;
   View ViewOf(const Beside& beside, int side) const;
-  double Further(const View& view, const Beside& beside, int side) const;
   static double Further(double turned, double usual);
   std::vector<Candidate> Candidates(const SlicePlane& plane, const std::vector<int>& among) const;
-  std::vector<std::vector<Candidate>> Sets(const SlicePlane& plane, const std::vector<double>& turned) const;
+  std::vector<Set> Sets(const SlicePlane& plane, const std::vector<double>& turned) const;
   std::vector<Candidate> Within(const Tile& tile, int side, const std::vector<Candidate>& all) const;
   void Find(const Tile& tile, const std::vector<Candidate>& all, std::vector<Beside>& found) const;
+  void FindInBlock(const Tile& block, int side, const std::vector<Candidate>& candidates, Beside* found,
+                   int width) const;
+  bool MayLight(const Candidate& one, const Tile& tile) const;
   template <class At>
   static void ForTiles(const Engine::Window& window, const At& at);
   template <class With>
   static void ForPixels(const Tile& tile, const Engine::Window& window, const With& with);
   std::vector<Beside> Nearest(const SlicePlane& plane, const std::vector<int>& among) const;
-  Terms Read(const Beside& beside) const;
   std::vector<double> OwnVariances(const Shown& shown, const Tile& tile, const std::vector<Line>& lines) const;
   void TakeLeast(const Shown& shown, const Tile& tile, const std::vector<Line>& lines, float* sigma) const;
-  Line Variance(const Shown& shown, const Beside& beside, std::size_t p) const;
+  double FanTurn(const Shown& shown, int frame, int other, int column, int row) const;
+  void FindLines(const Shown& shown, const Tile& tile, const std::vector<Set>& sets, std::vector<Line>& lines) const;
+  Line Variance(const Shown& shown, const Beside& beside, CellReader& read, FanTurns& turns, int i, int j) const;
 
   int width_ = 0, height_ = 0, cell_ = 4;
   static constexpr double kMostNoise = 1e6;  // mm; a path that leaps by more tells no more
@@ -149,14 +160,19 @@ private:
   {
     float residual, rate;
   };
-  std::optional<Seen> seen_;                             // null: the field knows nothing of directions
-  RecordedViews views_;                                  // with seen_
-  std::vector<float> squares_;                           // shares of sigma in means over 2, 4, 8, ... pixels a side
-  float bias_ = 0;                                       // of the field, in means over the largest of them
-  double gap_ = 0;                                       // mm from a frame to the next that is usual
-  std::vector<std::uint8_t> lit_;                        // [height][width]
-  std::vector<std::uint8_t> residual_, rate_, texture_;  // [frames][cell rows][cell columns], coded; 0: not known
-  std::vector<Frame> frames_;                            // what Derive makes of the above
+  std::optional<Seen> seen_;       // null: the field knows nothing of directions
+  RecordedViews views_;            // with seen_
+  std::vector<float> squares_;     // shares of sigma in means over 2, 4, 8, ... pixels a side
+  float bias_ = 0;                 // of the field, in means over the largest of them
+  double gap_ = 0;                 // mm from a frame to the next that is usual
+  std::vector<std::uint8_t> lit_;  // [height][width]
+  /// Coded (CodeOfVariance); 0: not known.
+  struct Codes
+  {
+    std::uint8_t residual = 0, rate = 0, texture = 0;
+  };
+  std::vector<Codes> codes_;   // [frames][cell rows][cell columns]
+  std::vector<Frame> frames_;  // what Derive makes of the above
   std::vector<std::vector<int>> bySequence_;
   std::vector<int> litSums_;             // [height + 1][width + 1] lit pixels above and left
   std::optional<Eigen::Vector2d> apex_;  // of a fan: mm right of the middle of the first row, and below it
