@@ -74,6 +74,27 @@ void CombineUpdateExtents(vtkInformation* request, vtkInformationVector* outputs
   }
 }
 
+/// A part of an image of floats, row by row; false where the image does not hold all of it.
+bool CopyPart(vtkImageData* image, const int part[6], float* to)
+{
+  const int* extent = image->GetExtent();
+  for (int axis = 0; axis < 3; ++axis)
+  {
+    if (part[2 * axis] < extent[2 * axis] || part[2 * axis + 1] > extent[2 * axis + 1])
+    {
+      return false;
+    }
+  }
+  for (int z = part[4]; z <= part[5]; ++z)
+  {
+    for (int y = part[2]; y <= part[3]; ++y)
+    {
+      to = std::copy_n(static_cast<const float*>(image->GetScalarPointer(part[0], y, z)), part[1] - part[0] + 1, to);
+    }
+  }
+  return true;
+}
+
 }  // namespace
 
 vtkBigusFieldToImage::vtkBigusFieldToImage()
@@ -279,14 +300,18 @@ int vtkBigusFieldToImage::RequestData(vtkInformation* request, vtkInformationVec
                                                    this->StoreBand(band, outputs);
                                                    return bigus::ReportProgress(this, share * band.fraction);
                                                  });
+    const bool isKept = this->KeepsIntensities() && slab.planes == 1;
     const auto render = [&](const int* part, float* image)
     {
-      this->Renderer->Render({indexToWorld, grid.whole, ToExtent(part)}, bigus::ViewOutput::Intensity, false, {},
-                             [image](const bigus::PixelBand& band)
-                             {
-                               std::copy_n(band.image, band.count, image + band.first);
-                               return true;
-                             });
+      if (!isKept || !CopyPart(vtkImageData::GetData(info), part, image))
+      {
+        this->Renderer->Render({indexToWorld, grid.whole, ToExtent(part)}, bigus::ViewOutput::Intensity, false, {},
+                               [image](const bigus::PixelBand& band)
+                               {
+                                 std::copy_n(band.image, band.count, image + band.first);
+                                 return true;
+                               });
+      }
       return bigus::ReportProgress(this, share + (1 - share) * (part[4] - extent[4] + 1) / (extent[5] - extent[4] + 1));
     };
     if (!finished || !this->CompleteOutputs(grid, render, outputs))

@@ -222,6 +222,9 @@ protected:
   /// Whether bands must come with coverage.
   virtual bool NeedsCoverage() { return false; }
 
+  /// Whether the first output has floats as single planes show them, given that planes are not joined.
+  virtual bool KeepsIntensities() { return this->OutputMode == Intensity && this->OutputScalarType == VTK_FLOAT; }
+
   /// Writes what was rendered into the outputs. Bands come in order and cover the extent asked for.
   virtual void StoreBand(const bigus::PixelBand& band, vtkInformationVector* outputs);
 

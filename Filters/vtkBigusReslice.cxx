@@ -510,6 +510,11 @@ bool vtkBigusReslice::NeedsCoverage()
   return this->GetSeen().FillsBackground() || this->GenerateCoverageOutput || this->GenerateStencilOutput;
 }
 
+bool vtkBigusReslice::KeepsIntensities()
+{
+  return this->Superclass::KeepsIntensities() && !this->GetSeen().FillsBackground();
+}
+
 void vtkBigusReslice::StoreBand(const bigus::PixelBand& band, vtkInformationVector* outputs)
 {
   const bigus::Seen seen = this->GetSeen();

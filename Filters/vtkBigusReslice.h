@@ -379,6 +379,7 @@ protected:
   bigus::Slab ComputeSlab() override;
   bool NeedsCoverage() override;
   bool SeesDirections() override { return true; }
+  bool KeepsIntensities() override;
   void StoreBand(const bigus::PixelBand& band, vtkInformationVector* outputs) override;
   bool CompleteOutputs(const bigus::GridPart& grid, const std::function<bool(const int*, float*)>& render,
                        vtkInformationVector* outputs) override;

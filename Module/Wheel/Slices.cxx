@@ -6,6 +6,8 @@
 #include <memory>
 #include <mutex>
 #include <optional>
+#include <string>
+#include <string_view>
 #include <tuple>
 
 #include "Arrays.h"
@@ -28,6 +30,22 @@ constexpr double kMostPixels = 4294967296.0;  // 2^32 of one call: 16 GiB of flo
 ViewOutput OutputOf(bool isScattering)
 {
   return isScattering ? ViewOutput::Scattering : ViewOutput::Intensity;
+}
+
+/// What a field keeps of its standard error. The last one stays, because opening it takes longer than a slice.
+std::shared_ptr<const StandardError> LastStandardError(const nb::bytes& kept)
+{
+  static std::mutex mutex;
+  static std::string last;
+  static std::shared_ptr<const StandardError> opened;
+  const std::lock_guard<std::mutex> alone(mutex);
+  const std::string_view bytes(kept.c_str(), kept.size());
+  if (!opened || bytes != last)
+  {
+    opened = std::make_shared<const StandardError>(bytes);
+    last = bytes;
+  }
+  return opened;
 }
 
 /// An engine is used by one thread at a time.
@@ -142,23 +160,37 @@ public:
                           Owned(std::move(runs), {n, 4}));
   }
 
-  /// Standard errors of part of a grid; None when `progress` said stop.
+  /// Standard errors of part of a grid; None when `progress` said stop. `image`: its intensities, where they are known.
   std::optional<Array> StandardErrorPart(const nb::bytes& kept, const Eigen::Matrix4d& indexToWorld,
-                                         const Extent& whole, const Extent& extent, const nb::object& progress)
+                                         const Extent& whole, const Extent& extent,
+                                         const std::optional<InputFloats>& image, const nb::object& progress)
   {
-    const std::string bytes(kept.c_str(), kept.size());
+    const std::shared_ptr<const StandardError> error = LastStandardError(kept);
     std::vector<float> sigma(static_cast<std::size_t>(ExtentSize(extent)));
+    if (image)
+    {
+      RequireShape(*image, {static_cast<std::int64_t>(sigma.size())}, "the intensities");
+    }
     const auto evaluate = [&](PythonProgress& tell)
     {
       const std::lock_guard<std::mutex> alone(mutex_);
-      const auto render = [&](const Extent& part, float* image)
+      const auto render = [&](const Extent& part, float* to)
       {
-        const auto keep = [image](const PixelBand& band)
-        { return std::copy_n(band.image, band.count, image + band.first), true; };
-        bands_.Run({indexToWorld, whole, part}, false, {}, PlanesSeen(ViewOutput::Intensity), keep);
-        return tell((part[4] - extent[4] + 1.0) / (extent[5] - extent[4] + 1));
+        const int slice = part[4] - extent[4];
+        if (image && std::equal(part.begin(), part.begin() + 4, extent.begin()))
+        {
+          const auto count = static_cast<std::ptrdiff_t>(ExtentSize(part));
+          std::copy_n(image->data() + slice * count, count, to);
+        }
+        else
+        {
+          const auto keep = [to](const PixelBand& band)
+          { return std::copy_n(band.image, band.count, to + band.first), true; };
+          bands_.Run({indexToWorld, whole, part}, false, {}, PlanesSeen(ViewOutput::Intensity), keep);
+        }
+        return tell((slice + 1.0) / (extent[5] - extent[4] + 1));
       };
-      return StandardError(bytes).Evaluate({indexToWorld, whole, extent}, render, sigma.data(), isAlike_);
+      return error->Evaluate({indexToWorld, whole, extent}, render, sigma.data(), isAlike_);
     };
     return WorkAlone(progress, evaluate) ? std::optional(Owned(std::move(sigma))) : std::nullopt;
   }
@@ -313,10 +345,9 @@ private:
 Array StandardErrorAt(const nb::bytes& kept, const Eigen::Matrix4d& plane, const InputFloats& image)
 {
   RequireShape(image, {-1, -1}, "the image");
-  const std::string bytes(kept.c_str(), kept.size());
+  const std::shared_ptr<const StandardError> error = LastStandardError(kept);
   return PictureAt<float>(plane, static_cast<int>(image.shape(1)), static_cast<int>(image.shape(0)),
-                          [&](const SlicePlane& at, float* sigma)
-                          { StandardError(bytes).Evaluate(at, image.data(), sigma); });
+                          [&](const SlicePlane& at, float* sigma) { error->Evaluate(at, image.data(), sigma); });
 }
 
 /// Of pixels that are not 0 in `where`, [depth, height, width].
@@ -329,8 +360,7 @@ double StandardErrorOfMean(const nb::bytes& kept, const Eigen::Matrix4d& indexTo
   RequireShape(where, {d, h, w}, "the pixels to take");
   const SlicePlane first = SlicePlane::FromImageToReference(indexToWorld, w, h);
   first.Validate("slice plane");
-  return StandardError(std::string(kept.c_str(), kept.size()))
-      .OfMean(first, sigma.data(), where.data(), d, indexToWorld.col(2).norm());
+  return LastStandardError(kept)->OfMean(first, sigma.data(), where.data(), d, indexToWorld.col(2).norm());
 }
 
 Array DistancesOfGrid(const Sweep& sweep, const Eigen::Matrix4d& indexToWorld, const Extent& extent)
@@ -353,7 +383,8 @@ void BindSlices(nb::module_& m)
       .def("render", &Slicer::Render, "planes"_a, "width"_a, "height"_a, "scattering"_a, "coverage"_a)
       .def("render_part", &Slicer::RenderPart, place, whole, extent, "scattering"_a, "bytes"_a, "slab"_a, "seen"_a,
            "coverage"_a, "stencil"_a, "progress"_a)
-      .def("standard_error_part", &Slicer::StandardErrorPart, "kept"_a, place, whole, extent, "progress"_a);
+      .def("standard_error_part", &Slicer::StandardErrorPart, "kept"_a, place, whole, extent, "image"_a.none(),
+           "progress"_a);
   m.def("reslice_grid", &GridOfSlice, spacing, origin, "extent"_a.none(), "axes"_a, transform, "turns_input"_a,
         "crops"_a, "dimensionality"_a, "input"_a);
   m.def("voxel_grid", &GridOfVoxels, spacing, origin, "dimensions"_a.none(), "direction"_a, "maximum_dimension"_a,

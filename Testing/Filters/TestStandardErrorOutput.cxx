@@ -178,6 +178,30 @@ TEST(StandardErrorOutput, TellsThatOfTheMeanOfSlices)
   EXPECT_EQ(observer.Errors().size(), 2u);
 }
 
+/// Pixels that are floats are not rendered a second time; those that are rounded, filled or joined of several planes are.
+TEST(StandardErrorOutput, IsTheSameHoweverTheSliceIsShown)
+{
+  const auto asBytes = SlicesThatLeaveTheFrames();
+  asBytes->Update();
+  const auto same = [&](const std::function<void(vtkBigusReslice*)>& change)
+  {
+    const auto reslice = SlicesThatLeaveTheFrames();
+    reslice->SetOutputScalarTypeToFloat();
+    change(reslice);
+    reslice->Update();
+    for (int p = 0; p < 40 * 30 * 2; ++p)
+    {
+      const auto* a = static_cast<float*>(asBytes->GetStandardErrorOutput()->GetScalarPointer()) + p;
+      const auto* b = static_cast<float*>(reslice->GetStandardErrorOutput()->GetScalarPointer()) + p;
+      ASSERT_TRUE(IsSameSigma(*a, *b)) << p << ' ' << *a << ' ' << *b;
+    }
+  };
+  same([](vtkBigusReslice*) {});
+  same([](vtkBigusReslice* reslice) { reslice->SetBackgroundLevel(0.7); });
+  same([](vtkBigusReslice* reslice) { reslice->SetSlabNumberOfSlices(3); });
+  same([](vtkBigusReslice* reslice) { reslice->SetOutputModeToScatteringField(); });
+}
+
 TEST(StandardErrorOutput, InPartsIsThatOfTheWhole)
 {
   const auto whole = SlicesThatLeaveTheFrames();

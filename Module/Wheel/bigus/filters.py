@@ -260,8 +260,9 @@ class vtkBigusFieldToImage(Algorithm):
         if found is None:
             return None
         if share < 1:
+            shows = not scattering and not is_bytes and slab[0] == 1 and seen == (0.0, 0.0)  # single planes as they are
             sigma = self._slicer.standard_error_part(self._field.kept_error, index_to_world, self._whole, self._extent,
-                                                     lambda part: self._go_on(share * (1 + part)))
+                                                     found[0] if shows else None, lambda part: self._go_on(share * (1 + part)))
             if sigma is None:
                 return None
             self._image(self.GetStandardErrorOutput(), sigma, "StandardError")
