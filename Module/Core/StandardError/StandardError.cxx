@@ -464,12 +464,13 @@ public:
   {
   }
 
-  Terms operator()(const Beside& beside)
+  /// `before`: how much the frame before weighs (Nearness).
+  Terms operator()(const Beside& beside, double before)
   {
-    Eigen::Array4f sums = Eigen::Array4f::Zero(), weights = sums;
+    Eigen::Array4f sums = Eigen::Array4f::Zero(), unknown = sums;
     for (int side = 0; side < 2; ++side)
     {
-      const double nearness = side == 0 ? beside.Nearness() : 1 - beside.Nearness();
+      const double nearness = side == 0 ? before : 1 - before;
       if (beside.frame[side] < 0 || nearness == 0)
       {
         continue;
@@ -483,19 +484,33 @@ public:
       for (int k = 0; k < 4; ++k)
       {
         sums += shares[k] * cells.values[k];
-        weights += shares[k] * cells.known[k];
+      }
+      if (cells.hasUnknown)
+      {
+        for (int k = 0; k < 4; ++k)
+        {
+          unknown += shares[k] * cells.unknown[k];
+        }
       }
     }
-    sums /= weights;  // 0 / 0: not known
+    if ((unknown > 0).any())
+    {
+      // Of the shares, which make 1, those of what is known; none where they are what rounding leaves.
+      const Eigen::Array4f known = 1 - unknown;
+      sums = (known > kRounding).select(sums / known, std::numeric_limits<float>::quiet_NaN());
+    }
     return {sums[0], sums[1], sums[2]};
   }
 
 private:
-  /// Cells around a point: of each residual, rate and texture, 0 where they are not known, and 1 where they are.
+  static constexpr float kRounding = 1e-6f;
+
+  /// Cells around a point: of each residual, rate and texture, 0 where they are not known, and 1 where they are not.
   struct Four
   {
     std::size_t first = std::numeric_limits<std::size_t>::max();
-    std::array<Eigen::Array4f, 4> values, known;
+    bool hasUnknown = false;
+    std::array<Eigen::Array4f, 4> values, unknown;
   };
 
   float Place(float pixel, int count) const
@@ -517,9 +532,11 @@ private:
         const Codes& codes = kept_.codes_[at[k]];
         const std::array<float, 256>& decoded = Decoded();
         cells.values[k] = {decoded[codes.residual], decoded[codes.rate], decoded[codes.texture], 0};
-        cells.known[k] = {codes.residual ? 1.0f : 0.0f, codes.rate ? 1.0f : 0.0f, codes.texture ? 1.0f : 0.0f, 1};
-        cells.values[k] *= cells.known[k];
+        cells.unknown[k] = {codes.residual ? 0.0f : 1.0f, codes.rate ? 0.0f : 1.0f, codes.texture ? 0.0f : 1.0f, 0};
+        cells.values[k] *= 1 - cells.unknown[k];
       }
+      cells.hasUnknown = std::any_of(cells.unknown.begin(), cells.unknown.end(),
+                                     [](const Eigen::Array4f& of) { return (of > 0).any(); });
     }
     return cells;
   }
@@ -662,27 +679,43 @@ struct StandardError::Line
   float at = std::numeric_limits<float>::quiet_NaN(), slope = 0;
 };
 
-/// sigma^2 by the frames beside pixel (i, j) of the window.
-StandardError::Line StandardError::Variance(const Shown& shown, const Beside& beside, CellReader& read, FanTurns& turns,
-                                            int i, int j) const
+/// The lines of one pixel of a tile after the other.
+class StandardError::LineFinder
 {
-  if (!beside.IsKnown())
+public:
+  LineFinder(const StandardError& kept, const Shown& shown, const Tile& tile)
+      : kept_(kept), shown_(shown), read_(kept), turns_(kept, shown, tile)
   {
-    return {};
   }
-  const Terms terms = read(beside);
-  const double t = beside.Nearness();
-  const int side = t >= 0.5 ? 0 : 1, nearest = beside.frame[side];
-  const double w =
-      apex_ ? turns(beside, side, i + shown.window.firstColumn, j + shown.window.firstRow) : shown.turned[nearest];
-  const double between = beside.distance[0] == 0 ? 0 : shown.rate * kLeft * terms.rate * t * beside.distance[0];
-  const double along = (1 - 2 * t * (1 - t)) * shown.residual * terms.residual + between;
-  const double moved = trackerNoise_ == 0 ? 0
-                                          : trackerNoise_ * trackerNoise_ *
-                                                SquaredGradient(shown.image, shown.window, i, j, shown.perMm);
-  const double slope = w > 0 ? w * speckle_[nearest] : 0;
-  return {static_cast<float>((1 - w) * along + (w > 0 ? slope * terms.texture : 0) + moved), static_cast<float>(slope)};
-}
+
+  /// By the frames beside pixel (i, j) of the window.
+  Line operator()(const Beside& beside, int i, int j)
+  {
+    if (!beside.IsKnown())
+    {
+      return {};
+    }
+    const double t = beside.Nearness();
+    const Terms terms = read_(beside, t);
+    const int side = t >= 0.5 ? 0 : 1, nearest = beside.frame[side];
+    const double w = kept_.apex_ ? turns_(beside, side, i + shown_.window.firstColumn, j + shown_.window.firstRow)
+                                 : shown_.turned[nearest];
+    const double between = beside.distance[0] == 0 ? 0 : shown_.rate * kLeft * terms.rate * t * beside.distance[0];
+    const double along = (1 - 2 * t * (1 - t)) * shown_.residual * terms.residual + between;
+    const double noise = kept_.trackerNoise_;
+    const double moved =
+        noise == 0 ? 0 : noise * noise * SquaredGradient(shown_.image, shown_.window, i, j, shown_.perMm);
+    const double slope = w > 0 ? w * kept_.speckle_[nearest] : 0;
+    return {static_cast<float>((1 - w) * along + (w > 0 ? slope * terms.texture : 0) + moved),
+            static_cast<float>(slope)};
+  }
+
+private:
+  const StandardError& kept_;
+  const Shown& shown_;
+  CellReader read_;
+  FanTurns turns_;
+};
 
 /// Frames that are asked together.
 struct StandardError::Set
@@ -718,8 +751,7 @@ void StandardError::FindLines(const Shown& shown, const Tile& tile, const std::v
   const Engine::Window& window = shown.window;
   const std::size_t count = static_cast<std::size_t>(window.columns) * window.rows;
   const auto isAligned = [&shown](int frame) { return frame < 0 || shown.turned[frame] < kAligned; };
-  CellReader read(*this);
-  FanTurns turns(*this, shown, tile);
+  LineFinder lineOf(*this, shown, tile);
   std::vector<Beside> found, before;
   for (std::size_t k = 0; k < sets.size(); ++k)
   {
@@ -739,7 +771,7 @@ void StandardError::FindLines(const Shown& shown, const Tile& tile, const std::v
       {
         if (!sets[k].isAligned || found[inTile].frame != before[inTile].frame)
         {
-          *line = Variance(shown, found[inTile], read, turns, i, j);
+          *line = lineOf(found[inTile], i, j);
         }
       }
     }

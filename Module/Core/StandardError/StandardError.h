@@ -110,6 +110,7 @@ private:
   struct Set;
   class CellReader;
   class FanTurns;
+  class LineFinder;
   class Preparation;
 
   double NearnessOf(const SlicePlane& plane) const { return seen_ ? views_.Nearness(plane) : 0; }
@@ -146,7 +147,6 @@ private:
   void TakeLeast(const Shown& shown, const Tile& tile, const std::vector<Line>& lines, float* sigma) const;
   double FanTurn(const Shown& shown, int frame, int other, int column, int row) const;
   void FindLines(const Shown& shown, const Tile& tile, const std::vector<Set>& sets, std::vector<Line>& lines) const;
-  Line Variance(const Shown& shown, const Beside& beside, CellReader& read, FanTurns& turns, int i, int j) const;
 
   int width_ = 0, height_ = 0, cell_ = 4;
   static constexpr double kMostNoise = 1e6;  // mm; a path that leaps by more tells no more
